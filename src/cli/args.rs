@@ -1,0 +1,60 @@
+//! Every clap type and value parser. Nothing below the commands ever sees these.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+use super::commands;
+
+/// How does a muscle-driven policy control the body, and how human is it?
+#[derive(Debug, Parser)]
+#[command(name = "arnold-analyze", version, about, propagate_version = true, max_term_width = 100)]
+pub struct Arguments {
+    #[command(flatten)]
+    pub global: GlobalArguments,
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// Options every command shares.
+#[derive(Debug, Clone, Args)]
+pub struct GlobalArguments {
+    /// Folder of published data sets and policies
+    #[arg(long, global = true, value_name = "DIR", env = "ARNOLD_DATA", default_value = "data")]
+    pub data: PathBuf,
+    /// Print one JSON document on stdout instead of tables
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Print no progress
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+    /// Say more; twice: say everything
+    #[arg(long, short, global = true, action = clap::ArgAction::Count)]
+    pub verbose: u8,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Fetch what the tool may not carry: MuJoCo libraries and MyoSuite models
+    Setup(commands::setup::SetupArguments),
+    /// Show what is installed, what is missing and the command that mends it
+    Doctor(commands::doctor::DoctorArguments),
+    /// Show what is inside a checkpoint, without running anything in it
+    Inspect(commands::inspect::InspectArguments),
+    #[cfg(feature = "play")]
+    /// List the tasks, or show what one of them observes, rewards and counts as solved
+    Tasks(commands::tasks::TasksArguments),
+    #[cfg(feature = "play")]
+    /// Play episodes and record every step
+    Rollout(commands::rollout::RolloutArguments),
+    #[cfg(feature = "play")]
+    /// Measure how much of its time a policy solves its tasks
+    Evaluate(commands::evaluate::EvaluateArguments),
+    #[cfg(feature = "play")]
+    /// Control-subspace inactivation: performance against the number of muscle components
+    Csi(commands::csi::CsiArguments),
+    #[cfg(feature = "play")]
+    /// Check this machine against recorded episodes and policy outputs of the published code
+    Verify(commands::verify::VerifyArguments),
+}

@@ -1,0 +1,51 @@
+//! Global options, handed to every command.
+
+use std::io::IsTerminal;
+use std::path::PathBuf;
+
+use super::args::GlobalArguments;
+
+/// How a command ended when it did not fail.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// Everything asked for was done: exit code 0.
+    Done,
+    /// Done, but something was skipped and named: exit code 3.
+    SomethingSkipped,
+}
+
+/// What every command knows about how it was called.
+#[derive(Debug, Clone)]
+pub struct Context {
+    /// Folder of published data sets and policies.
+    pub data: PathBuf,
+    /// Print one JSON document instead of tables.
+    pub json: bool,
+    /// Print no progress.
+    pub quiet: bool,
+    /// 0, 1 or 2.
+    pub verbosity: u8,
+    /// Whether stderr is a terminal, i.e. whether a bar may be drawn.
+    pub interactive: bool,
+}
+
+impl Context {
+    /// Reads the global options once.
+    #[must_use]
+    pub fn new(arguments: &GlobalArguments) -> Self {
+        Self {
+            data: arguments.data.clone(),
+            json: arguments.json,
+            quiet: arguments.quiet,
+            verbosity: arguments.verbose,
+            interactive: std::io::stderr().is_terminal(),
+        }
+    }
+
+    /// A line for the person at the terminal, on stderr unless `--quiet`.
+    pub fn say(&self, message: &str) {
+        if !self.quiet {
+            eprintln!("{message}");
+        }
+    }
+}

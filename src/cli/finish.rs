@@ -1,0 +1,129 @@
+//! The common end of every command that fills a run folder: say what was found before, or write, publish and print.
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use crate::experiment::ExperimentError;
+use crate::experiment::run_folder::{Manifest, RunFolder};
+use crate::figure::{Provenance, write_figure};
+use crate::record::{Table, write_parquet};
+
+use super::context::{Context, Outcome};
+use super::laboratory::Laboratory;
+use super::render::{self, Hinted};
+
+/// Files of a run, written one after the other.
+pub struct Output<'a> {
+    folder: &'a RunFolder,
+    names: Vec<String>,
+}
+
+impl<'a> Output<'a> {
+    /// Nothing yet.
+    #[must_use]
+    pub fn new(folder: &'a RunFolder) -> Self {
+        Self { folder, names: Vec::new() }
+    }
+
+    /// Writes `table` with the run's provenance.
+    pub fn table(&mut self, name: &str, table: &Table) -> Result<(), ExperimentError> {
+        write_parquet(&self.folder.file(name), table, &self.folder.provenance())?;
+        self.names.push(name.to_owned());
+        Ok(())
+    }
+
+    /// Writes a figure as SVG, PDF and PNG.
+    pub fn figure(&mut self, stem: &str, svg: &str) -> Result<(), ExperimentError> {
+        for path in write_figure(&self.folder.file(stem), svg)? {
+            self.names.push(path.file_name().unwrap_or_default().to_string_lossy().into_owned());
+        }
+        Ok(())
+    }
+
+    /// Writes a JSON document.
+    pub fn json(&mut self, name: &str, document: &Value) -> anyhow::Result<()> {
+        let mut text = serde_json::to_string_pretty(document)?;
+        text.push('\n');
+        crate::files::write_atomic(&self.folder.file(name), text.as_bytes())?;
+        self.names.push(name.to_owned());
+        Ok(())
+    }
+
+    /// Writes the manifest, which makes the run complete.
+    pub fn finish(
+        self,
+        laboratory: &Laboratory,
+        result: Value,
+        seconds: f64,
+    ) -> Result<Manifest, ExperimentError> {
+        let (left_out, machine) =
+            (laboratory.left_out_document(), laboratory.circumstances(seconds));
+        Ok(self.folder.finish(&self.names, left_out, result, machine)?)
+    }
+}
+
+/// Opens the run folder; its manifest, if this very run was finished before.
+pub fn open(
+    context: &Context,
+    laboratory: &Laboratory,
+    command: &str,
+    plan: &Value,
+) -> anyhow::Result<(RunFolder, Option<Manifest>)> {
+    let folder = RunFolder::new(&laboratory.out, command, plan);
+    if let Some(manifest) = folder.finished() {
+        context.say(&format!("Already done; delete `{}` to run it again", folder.path.display()));
+        return Ok((folder, Some(manifest)));
+    }
+    folder.prepare().map_err(|error| {
+        Hinted::new(error.to_string(), "choose a folder you may write to with `--out DIR`")
+    })?;
+    Ok((folder, None))
+}
+
+/// Where the figures of this run say they come from.
+#[must_use]
+pub fn provenance(laboratory: &Laboratory) -> Provenance {
+    Provenance {
+        physics: format!("MuJoCo {}", laboratory.physics),
+        policy: laboratory.policy.name.clone(),
+    }
+}
+
+/// Prints a finished run: its JSON document, or `table` and where the files are.
+pub fn print(
+    context: &Context,
+    folder: &RunFolder,
+    manifest: &Manifest,
+    table: &dyn Fn(&Value) -> String,
+) -> anyhow::Result<Outcome> {
+    if context.json {
+        let mut document = json!({
+            "command": manifest.command,
+            "key": manifest.key,
+            "plan": manifest.plan["plan"],
+        });
+        if let (Some(into), Value::Object(result)) = (document.as_object_mut(), &manifest.result) {
+            into.extend(result.clone());
+            into.insert("left_out".to_owned(), manifest.left_out.clone());
+            into.insert("folder".to_owned(), json!(absolute(&folder.path)));
+            let files: Vec<_> =
+                manifest.files.iter().map(|f| absolute(&folder.file(&f.name))).collect();
+            into.insert("files".to_owned(), json!(files));
+        }
+        render::print_json(&document)?;
+    } else {
+        let mut text = table(&manifest.result);
+        let names: Vec<&str> = manifest.files.iter().map(|file| file.name.as_str()).collect();
+        text.extend(["\n", &folder.path.display().to_string(), "/\n"]);
+        for name in names.into_iter().chain(["manifest.json"]) {
+            text.extend(["  ", name, "\n"]);
+        }
+        render::print_text(&text)?;
+    }
+    Ok(Outcome::Done)
+}
+
+fn absolute(path: &Path) -> std::path::PathBuf {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf())
+}

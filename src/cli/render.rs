@@ -1,0 +1,131 @@
+//! What goes to stdout and stderr: tables, JSON, errors with their hint.
+
+use std::io::Write;
+
+use crate::assets::AssetError;
+
+/// An error for the person at the front desk, together with what to type next.
+#[derive(Debug, thiserror::Error)]
+#[error("{message}")]
+pub struct Hinted {
+    /// What went wrong, where.
+    pub message: String,
+    /// What to do about it.
+    pub hint: String,
+}
+
+impl Hinted {
+    /// An error with its remedy, ready for `?`.
+    #[expect(clippy::new_ret_no_self, reason = "it is only ever made to be returned as an error")]
+    pub fn new(message: impl Into<String>, hint: impl Into<String>) -> anyhow::Error {
+        anyhow::Error::new(Self { message: message.into(), hint: hint.into() })
+    }
+}
+
+/// Prints `error: …` and, after a blank line, `hint: …` if there is one.
+pub fn print_error(error: &anyhow::Error) {
+    let hint = error.chain().find_map(|cause| {
+        let written = cause.downcast_ref::<Hinted>().map(|hinted| hinted.hint.clone());
+        written.or_else(|| cause.downcast_ref::<AssetError>().map(AssetError::hint))
+    });
+    eprintln!("error: {}", message(error));
+    if let Some(hint) = hint {
+        eprintln!("\nhint: {hint}");
+    }
+}
+
+/// Prints what is wrong with the arguments, ending like every other error: with what to type next.
+pub fn print_usage_error(error: &clap::Error) {
+    let text = error.render().to_string();
+    eprint!(
+        "{}",
+        text.replace(
+            "For more information, try '--help'.",
+            "hint: `--help` lists what can be given"
+        )
+    );
+}
+
+/// The whole chain of causes in one sentence, each said once: many errors already quote their cause.
+fn message(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |said, cause| match said.as_str() {
+        "" => cause,
+        _ if said.contains(&cause) => said,
+        _ => format!("{said}: {cause}"),
+    })
+}
+
+/// Whether the reader of stdout went away, as `… | head` does: nobody is left to tell.
+#[must_use]
+pub fn is_closed_pipe(error: &anyhow::Error) -> bool {
+    error.chain().any(|cause| {
+        let kind = cause.downcast_ref::<std::io::Error>().map(std::io::Error::kind);
+        let json =
+            cause.downcast_ref::<serde_json::Error>().and_then(serde_json::Error::io_error_kind);
+        kind.or(json) == Some(std::io::ErrorKind::BrokenPipe)
+    })
+}
+
+/// Prints one JSON document to stdout, indented by two spaces.
+pub fn print_json(document: &serde_json::Value) -> anyhow::Result<()> {
+    let mut stdout = std::io::stdout().lock();
+    serde_json::to_writer_pretty(&mut stdout, document)?;
+    Ok(writeln!(stdout)?)
+}
+
+/// Prints text to stdout.
+pub fn print_text(text: &str) -> anyhow::Result<()> {
+    Ok(std::io::stdout().lock().write_all(text.as_bytes())?)
+}
+
+/// Alignment of a table's column.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Align {
+    Left,
+    Right,
+}
+
+/// A plain-text table: header, a rule, rows; columns two spaces apart.
+#[must_use]
+pub fn table(columns: &[(&str, Align)], rows: &[Vec<String>]) -> String {
+    let width = |text: &str| text.chars().count();
+    let widths: Vec<usize> = columns
+        .iter()
+        .enumerate()
+        .map(|(i, (title, _))| {
+            rows.iter()
+                .filter_map(|row| row.get(i))
+                .map(|c| width(c))
+                .fold(width(title), usize::max)
+        })
+        .collect();
+    let line = |cells: &mut dyn Iterator<Item = &str>| {
+        let mut text = String::new();
+        for ((cell, &(_, align)), &column) in cells.zip(columns).zip(&widths) {
+            let pad = " ".repeat(column.saturating_sub(width(cell)));
+            match align {
+                Align::Left => text.extend([cell, &pad, "  "]),
+                Align::Right => text.extend([&pad, cell, "  "]),
+            }
+        }
+        text.truncate(text.trim_end().len());
+        text.push('\n');
+        text
+    };
+    let mut text = line(&mut columns.iter().map(|(title, _)| *title));
+    let rule: Vec<String> = widths.iter().map(|&n| "─".repeat(n)).collect();
+    text += &line(&mut rule.iter().map(String::as_str));
+    for row in rows {
+        text += &line(&mut row.iter().map(String::as_str));
+    }
+    text
+}
+
+/// A curve of numbers in 0..1 as one line of blocks; undefined values are gaps.
+#[must_use]
+pub fn sparkline(values: impl Iterator<Item = f64>) -> String {
+    const BLOCKS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
+    values
+        .map(|x| if x.is_nan() { ' ' } else { BLOCKS[((x.clamp(0.0, 1.0) * 8.0) as usize).min(7)] })
+        .collect()
+}

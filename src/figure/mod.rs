@@ -1,0 +1,126 @@
+//! The printer: figures as SVG, PDF and PNG, the same bytes for the same input.
+//!
+//! A figure is a plain struct ([`CsiFigure`], [`BarFigure`]) that draws itself into SVG text; [`write_figure`] puts the
+//! SVG and what is made from it on disk. All lengths are in points (1/72 inch), the unit of type and journals.
+
+mod axes;
+mod bars;
+mod canvas;
+mod csi;
+mod export;
+mod fonts;
+mod legend;
+pub mod palette;
+mod pdf;
+#[cfg(test)]
+mod testing;
+
+pub use bars::{Bar, BarFigure, BarSeries};
+pub use csi::{Basis, CsiFigure, CsiPanel, CsiPoint, CsiSeries};
+pub use export::{PNG_DPI, pdf_from_svg, png_from_svg, write_figure};
+
+use crate::files::FileError;
+
+/// Why a figure cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum FigureError {
+    #[error(transparent)]
+    File(#[from] FileError),
+    #[error("the figure has nothing to show")]
+    Empty,
+    #[error("the figure is no valid SVG: {what}")]
+    InvalidSvg { what: String },
+    #[error("a picture of {width} × {height} pixels cannot be made")]
+    PictureSize { width: f64, height: f64 },
+    #[error("cannot make a {format}: {what}")]
+    Conversion { format: &'static str, what: String },
+}
+
+/// How wide a figure is printed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Width {
+    /// One column of a journal, 85 mm.
+    OneColumn,
+    /// Both columns of a journal, 174 mm.
+    TwoColumns,
+}
+
+impl Width {
+    /// In points.
+    #[must_use]
+    pub fn points(self) -> f64 {
+        let millimetres = match self {
+            Self::OneColumn => 85.0,
+            Self::TwoColumns => 174.0,
+        };
+        millimetres / 25.4 * 72.0
+    }
+}
+
+/// What the vertical axis measures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Performance {
+    /// Solved steps / horizon, 0 to 1.
+    SolvedFraction,
+    /// The same divided by a baseline's, in percent.
+    Relative,
+}
+
+impl Performance {
+    fn label(self) -> &'static str {
+        match self {
+            Self::SolvedFraction => "Solved fraction",
+            Self::Relative => "Relative performance (%)",
+        }
+    }
+
+    /// The value of a perfect score, or of the baseline.
+    fn whole(self) -> f64 {
+        match self {
+            Self::SolvedFraction => 1.0,
+            Self::Relative => 100.0,
+        }
+    }
+}
+
+/// What the bands and error bars show; named in the figure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Uncertainty {
+    /// Mean ± its standard error.
+    StandardError,
+    /// A bootstrap interval of the mean with this confidence, in (0, 1).
+    Bootstrap { confidence: f64 },
+}
+
+impl Uncertainty {
+    fn label(self) -> String {
+        match self {
+            Self::StandardError => "± s.e.m.".to_owned(),
+            Self::Bootstrap { confidence } => {
+                format!("{}% bootstrap interval", canvas::decimal(100.0 * confidence, 1))
+            }
+        }
+    }
+}
+
+/// Where the numbers come from; the last line of every figure.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Provenance {
+    /// Physics engine and version, e.g. `MuJoCo 2.3.7`.
+    pub physics: String,
+    /// Name of the policy.
+    pub policy: String,
+}
+
+impl Provenance {
+    fn label(&self) -> String {
+        format!("Policy: {}. Physics: {}.", self.policy, self.physics)
+    }
+}
+
+/// "n = 100", or "n = 20–100" if it differs.
+fn count_label(counts: impl Iterator<Item = usize> + Clone) -> String {
+    let low = counts.clone().min().unwrap_or(0);
+    let high = counts.max().unwrap_or(0);
+    if low == high { format!("n = {low}") } else { format!("n = {low}–{high}") }
+}

@@ -1,0 +1,15 @@
+//! `MuJoCo` behind one small interface, in two versions.
+//!
+//! Both official shared libraries are opened at run time. Their functions have the same signatures in both versions;
+//! their structures do not have the same layout, so [`capture`] reads the addresses of the arrays we need once, when a
+//! body is built, and everything after that is version-free and costs a pointer. Enum numbers differ between versions
+//! and are never used: things are found by name.
+
+mod bindings_2_3_7;
+mod bindings_3_17_0;
+mod capture;
+mod library;
+mod simulation;
+
+pub use library::{EngineError, Library};
+pub use simulation::{Names, Simulation};

@@ -1,0 +1,412 @@
+//! The one rollout loop: whole episodes of a policy, many bodies at a time.
+//!
+//! Each worker thread owns a batch of bodies and steps them in turn: one forward pass of the policy for all of them, then
+//! the physics of each. When an episode ends, its body takes the next one from the list, so that batches stay full. An
+//! episode depends on nothing but its own [`EpisodeSpec`]: results are the same bytes whatever the number of threads, the
+//! batch size and the order of the list.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::analysis::subspace::Projection;
+use crate::policy::{Actor, Policy, PolicyError};
+
+use super::bodies::Bodies;
+use super::engine::{EngineError, Names};
+use super::environment::Environment;
+use super::muscles;
+use super::random::Random;
+use super::tasks::{Definition, RewardConfiguration};
+
+/// Why a rollout could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum RolloutError {
+    /// Physics.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// The policy does not fit.
+    #[error(transparent)]
+    Policy(#[from] PolicyError),
+    /// The projection is for another number of muscles.
+    #[error("the projection is for {projection} muscles, task `{task}` has {muscles}")]
+    Projection {
+        /// Muscles of the projection.
+        projection: usize,
+        /// Muscles of the task.
+        muscles: usize,
+        /// The task.
+        task: &'static str,
+    },
+}
+
+/// How actions are chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ActionMode {
+    /// The mean of the policy's distribution.
+    Deterministic,
+    /// A sample of it.
+    Stochastic,
+}
+
+impl ActionMode {
+    /// `deterministic` or `stochastic`.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Deterministic => "deterministic",
+            Self::Stochastic => "stochastic",
+        }
+    }
+}
+
+/// Everything an episode depends on, apart from the policy and the task.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct EpisodeSpec {
+    /// Number of the episode within its arm.
+    pub episode: usize,
+    /// Seed of the goal and the initial state.
+    pub reset_seed: [u8; 32],
+    /// Seed of the sampled actions and the action noise.
+    pub action_seed: [u8; 32],
+    /// Which of the plan's projections acts, if any.
+    pub projection: Option<usize>,
+}
+
+/// Which per-step channels are kept (`spec/analysis.md` §0.3).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Channels {
+    /// None: only what is counted.
+    Counts,
+    /// The mean of the action distribution, for subspaces.
+    ActionMeans,
+    /// All.
+    All,
+}
+
+/// What to play.
+#[derive(Clone)]
+pub struct RolloutPlan<'a> {
+    /// The task.
+    pub task: &'static Definition,
+    /// The policy.
+    pub policy: &'a dyn Policy,
+    /// How actions are chosen.
+    pub mode: ActionMode,
+    /// Standard deviation of Gaussian noise added to every action after the policy's own clipping; 0: none.
+    pub action_noise: f64,
+    /// Projections that episodes may name.
+    pub projections: &'a [Projection],
+    /// Which channels are kept.
+    pub channels: Channels,
+    /// Weights of the reward.
+    pub rewards: RewardConfiguration,
+}
+
+/// Where to play it.
+#[derive(Debug, Clone)]
+pub struct Machine {
+    /// Physics and models.
+    pub bodies: Arc<Bodies>,
+    /// Number of worker threads.
+    pub threads: usize,
+    /// Bodies per thread.
+    pub batch: usize,
+}
+
+/// Per-step channels of one episode, row-major with one row per step. Empty where not asked for.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Recording {
+    /// Mean of the action distribution, before sampling and clipping.
+    pub action_mean: Vec<f32>,
+    /// What was sent to the body.
+    pub action: Vec<f32>,
+    /// Muscle excitation, 0..1.
+    pub excitation: Vec<f64>,
+    /// Muscle activation after the step, 0..1.
+    pub activation: Vec<f64>,
+    /// Joint angles after the step, rad.
+    pub joints: Vec<f64>,
+    /// Whether the step counts as solved.
+    pub solved: Vec<bool>,
+    /// Reward of the step.
+    pub reward: Vec<f64>,
+}
+
+/// One played episode.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Episode {
+    /// What it was played from.
+    pub spec: EpisodeSpec,
+    /// Executed control steps.
+    pub steps: usize,
+    /// Steps that count as solved.
+    pub solved_steps: usize,
+    /// Sum of rewards.
+    pub reward: f64,
+    /// The task ended it.
+    pub terminated: bool,
+    /// Steps in which the physics diverged and was reset.
+    pub diverged_steps: usize,
+    /// Per-step channels.
+    pub recording: Recording,
+}
+
+/// Names of what a recording's columns mean.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ChannelNames {
+    /// Muscles, in the order of actions.
+    pub muscles: Vec<String>,
+    /// Joints of the body, in the order of [`Recording::joints`].
+    pub joints: Vec<String>,
+}
+
+/// Plays `specs` and returns the episodes in their order. `on_episode` is called from the worker threads as episodes end.
+pub fn play(
+    machine: &Machine,
+    plan: &RolloutPlan<'_>,
+    specs: &[EpisodeSpec],
+    on_episode: &(dyn Fn(&Episode) + Sync),
+) -> Result<Vec<Episode>, RolloutError> {
+    let first = Environment::new(plan.task, &machine.bodies, plan.rewards)?;
+    let muscles = first.simulation().excitation().len();
+    if let Some(wrong) = plan.projections.iter().find(|p| p.muscle_count() != muscles) {
+        let projection = wrong.muscle_count();
+        return Err(RolloutError::Projection { projection, muscles, task: plan.task.name });
+    }
+    let next = AtomicUsize::new(0);
+    let finished = Mutex::new(Vec::with_capacity(specs.len()));
+    let threads = machine.threads.clamp(1, specs.len().max(1));
+    let batch = machine.batch.clamp(1, specs.len().div_ceil(threads).max(1));
+    let mut workers = Vec::with_capacity(threads);
+    for _ in 0..threads {
+        workers.push(Worker::new(&first, plan, batch)?);
+    }
+    std::thread::scope(|scope| {
+        for mut worker in workers {
+            let (next, finished) = (&next, &finished);
+            scope.spawn(move || {
+                worker.run(plan, specs, next, &mut |index, episode| {
+                    on_episode(&episode);
+                    let mut finished = finished.lock().unwrap_or_else(PoisonError::into_inner);
+                    finished.push((index, episode));
+                });
+            });
+        }
+    });
+    let mut finished = finished.into_inner().unwrap_or_else(PoisonError::into_inner);
+    finished.sort_unstable_by_key(|(index, _)| *index);
+    Ok(finished.into_iter().map(|(_, episode)| episode).collect())
+}
+
+/// What the columns of `task`'s recordings mean.
+pub fn channel_names(
+    machine: &Machine,
+    task: &'static Definition,
+) -> Result<ChannelNames, RolloutError> {
+    let environment = Environment::new(task, &machine.bodies, RewardConfiguration::Sparse)?;
+    let joints = joint_columns(&environment).into_iter().map(|(name, _)| name).collect();
+    Ok(ChannelNames { muscles: environment.muscles(), joints })
+}
+
+/// The body's own joints (not those of objects) with their places in `qpos`.
+fn joint_columns(environment: &Environment) -> Vec<(String, usize)> {
+    let simulation = environment.simulation();
+    let observed: std::collections::BTreeSet<&str> = environment
+        .task()
+        .layout()
+        .phrases()
+        .filter(|phrase| phrase.last().is_some_and(|word| word == "joint"))
+        .map(|phrase| phrase[0].as_str())
+        .collect();
+    simulation
+        .names_of(Names::Joint)
+        .into_iter()
+        .enumerate()
+        .filter(|(_, name)| observed.contains(name.as_str()))
+        .map(|(joint, name)| (name, simulation.joint_qpos_address(joint)))
+        .collect()
+}
+
+/// A thread's bodies and everything they need, allocated once.
+struct Worker {
+    environments: Vec<Environment>,
+    slots: Vec<Slot>,
+    actor: Box<dyn Actor>,
+    joint_addresses: Vec<usize>,
+    observation_length: usize,
+    muscles: usize,
+    // Rows for the bodies that are playing.
+    playing: Vec<usize>,
+    observations: Vec<f32>,
+    means: Vec<f32>,
+    deviations: Vec<f32>,
+    action: Vec<f32>,
+    projection_scratch: Vec<f64>,
+}
+
+/// The episode a body is playing.
+struct Slot {
+    index: usize,
+    action_random: Random,
+    episode: Option<Episode>,
+}
+
+impl Worker {
+    fn new(
+        template: &Environment,
+        plan: &RolloutPlan<'_>,
+        batch: usize,
+    ) -> Result<Self, RolloutError> {
+        let environments: Vec<Environment> =
+            (0..batch).map(|_| template.duplicate(plan.rewards)).collect::<Result<_, _>>()?;
+        let interface = template.interface();
+        let observation_length = template.observation_length(plan.policy.variant());
+        let muscles = interface.muscle_count;
+        Ok(Self {
+            slots: (0..batch)
+                .map(|_| Slot { index: 0, action_random: Random::new([0; 32]), episode: None })
+                .collect(),
+            actor: plan.policy.bind(&interface, batch)?,
+            joint_addresses: joint_columns(template).into_iter().map(|(_, at)| at).collect(),
+            observation_length,
+            muscles,
+            playing: Vec::with_capacity(batch),
+            observations: vec![0.0; batch * observation_length],
+            means: vec![0.0; batch * muscles],
+            deviations: vec![0.0; batch * muscles],
+            action: vec![0.0; muscles],
+            projection_scratch: vec![0.0; 2 * muscles],
+            environments,
+        })
+    }
+
+    fn run(
+        &mut self,
+        plan: &RolloutPlan<'_>,
+        specs: &[EpisodeSpec],
+        next: &AtomicUsize,
+        finish: &mut dyn FnMut(usize, Episode),
+    ) {
+        loop {
+            for slot in 0..self.slots.len() {
+                if self.slots[slot].episode.is_none() {
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    if let Some(spec) = specs.get(index) {
+                        self.begin(plan, slot, index, *spec);
+                    }
+                }
+            }
+            self.playing.clear();
+            self.playing.extend((0..self.slots.len()).filter(|&s| self.slots[s].episode.is_some()));
+            if self.playing.is_empty() {
+                return;
+            }
+            self.decide(plan);
+            for row in 0..self.playing.len() {
+                let slot = self.playing[row];
+                if let Some(episode) = self.advance(plan, row, slot) {
+                    finish(self.slots[slot].index, episode);
+                }
+            }
+        }
+    }
+
+    fn begin(&mut self, plan: &RolloutPlan<'_>, slot: usize, index: usize, spec: EpisodeSpec) {
+        self.environments[slot].reset(&mut Random::new(spec.reset_seed));
+        self.actor.reset(slot);
+        let (horizon, muscles) = (plan.task.horizon, self.muscles);
+        let kept = |keep: bool, width: usize| if keep { horizon * width } else { 0 };
+        let all = plan.channels == Channels::All;
+        let recording = Recording {
+            action_mean: Vec::with_capacity(kept(plan.channels != Channels::Counts, muscles)),
+            action: Vec::with_capacity(kept(all, muscles)),
+            excitation: Vec::with_capacity(kept(all, muscles)),
+            activation: Vec::with_capacity(kept(all, muscles)),
+            joints: Vec::with_capacity(kept(all, self.joint_addresses.len())),
+            solved: Vec::with_capacity(kept(all, 1)),
+            reward: Vec::with_capacity(kept(all, 1)),
+        };
+        self.slots[slot] = Slot {
+            index,
+            action_random: Random::new(spec.action_seed),
+            episode: Some(Episode {
+                spec,
+                steps: 0,
+                solved_steps: 0,
+                reward: 0.0,
+                terminated: false,
+                diverged_steps: 0,
+                recording,
+            }),
+        };
+    }
+
+    /// One forward pass for all bodies that are playing.
+    fn decide(&mut self, plan: &RolloutPlan<'_>) {
+        let (rows, length) = (self.playing.len(), self.observation_length);
+        for (row, &slot) in self.playing.iter().enumerate() {
+            let into = &mut self.observations[row * length..][..length];
+            self.environments[slot].read_observation(plan.policy.variant(), into);
+        }
+        let deviations = (plan.mode == ActionMode::Stochastic)
+            .then_some(&mut self.deviations[..rows * self.muscles]);
+        self.actor.act(
+            &self.playing,
+            &self.observations[..rows * length],
+            &mut self.means[..rows * self.muscles],
+            deviations,
+        );
+    }
+
+    /// One control step of the body in `slot`; its finished episode if it ended.
+    fn advance(&mut self, plan: &RolloutPlan<'_>, row: usize, slot: usize) -> Option<Episode> {
+        let columns = row * self.muscles..(row + 1) * self.muscles;
+        let means = &self.means[columns.clone()];
+        let Slot { action_random, episode, .. } = &mut self.slots[slot];
+        let playing = episode.as_mut()?;
+        self.action.copy_from_slice(means);
+        if plan.mode == ActionMode::Stochastic {
+            for (action, &deviation) in self.action.iter_mut().zip(&self.deviations[columns]) {
+                *action += deviation * action_random.normal() as f32;
+            }
+        }
+        if self.actor.clips_actions() {
+            for action in &mut self.action {
+                *action = action.clamp(-1.0, 1.0);
+            }
+        }
+        if plan.action_noise > 0.0 {
+            for action in &mut self.action {
+                *action += (plan.action_noise * action_random.normal()) as f32;
+            }
+        }
+        if let Some(projection) = playing.spec.projection {
+            plan.projections[projection].apply(&mut self.action, &mut self.projection_scratch);
+        }
+        let environment = &mut self.environments[slot];
+        let outcome = environment.step(&self.action);
+        playing.steps += 1;
+        playing.solved_steps += usize::from(outcome.solved);
+        playing.reward += outcome.reward;
+        playing.diverged_steps += usize::from(outcome.diverged);
+        let recording = &mut playing.recording;
+        if plan.channels != Channels::Counts {
+            recording.action_mean.extend_from_slice(means);
+        }
+        if plan.channels == Channels::All {
+            let simulation = environment.simulation();
+            recording.action.extend_from_slice(&self.action);
+            recording.excitation.extend(self.action.iter().map(|&a| muscles::excitation(a)));
+            recording.activation.extend_from_slice(simulation.activation());
+            let qpos = simulation.qpos();
+            recording.joints.extend(self.joint_addresses.iter().map(|&at| qpos[at]));
+            recording.solved.push(outcome.solved);
+            recording.reward.push(outcome.reward);
+        }
+        if outcome.ended() {
+            playing.terminated = outcome.terminated;
+            return episode.take();
+        }
+        None
+    }
+}
