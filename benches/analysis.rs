@@ -2,6 +2,11 @@
 //! several runs, which is the one the least disturbed by the rest of the machine.
 #![expect(clippy::print_stdout, reason = "the times are what this program prints")]
 
+#[path = "analysis/smoothness.rs"]
+mod smoothness;
+#[path = "analysis/subspaces.rs"]
+mod subspaces;
+
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -39,6 +44,9 @@ fn main() {
     report("bootstrap interval, 100 episodes, 10,000 draws", 1, || {
         black_box(bootstrap_mean(black_box(&scores), &BootstrapOptions::default()));
     });
+    let quick = std::env::args().any(|argument| argument == "--quick");
+    smoothness::run(quick);
+    subspaces::run(quick);
 }
 
 /// Prints the time of one of the `count` things that `work` does.

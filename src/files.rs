@@ -49,7 +49,30 @@ pub fn write_atomic_with(
     path: &Path,
     fill: impl FnOnce(&mut std::fs::File) -> io::Result<()>,
 ) -> Result<(), FileError> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let temporary = write_beside(path, fill)?;
+    publish(path, temporary.persist(path))
+}
+
+/// The same for a file that must not exist yet: one that does is left alone.
+pub fn write_new_atomic_with(
+    path: &Path,
+    fill: impl FnOnce(&mut std::fs::File) -> io::Result<()>,
+) -> Result<(), FileError> {
+    let temporary = write_beside(path, fill)?;
+    publish(path, temporary.persist_noclobber(path))
+}
+
+/// The folder that `path` lies in.
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Fills a temporary file in the folder of `path`, creating the folder if needed.
+fn write_beside(
+    path: &Path,
+    fill: impl FnOnce(&mut std::fs::File) -> io::Result<()>,
+) -> Result<tempfile::NamedTempFile, FileError> {
+    let folder = folder_of(path);
     create_folder(folder)?;
     let fail = |source| FileError::Write { path: path.to_path_buf(), source };
     let mut temporary =
@@ -64,9 +87,17 @@ pub fn write_atomic_with(
             .set_permissions(std::fs::Permissions::from_mode(0o644))
             .map_err(fail)?;
     }
-    temporary.persist(path).map_err(|e| fail(e.error))?;
-    // The rename itself must survive a power cut: sync the folder too (not every system can).
-    if let Ok(handle) = std::fs::File::open(folder) {
+    Ok(temporary)
+}
+
+/// The end of a write: the renamed file, made to survive a power cut.
+fn publish(
+    path: &Path,
+    renamed: Result<std::fs::File, tempfile::PersistError>,
+) -> Result<(), FileError> {
+    renamed.map_err(|e| FileError::Write { path: path.to_path_buf(), source: e.error })?;
+    // The rename itself must survive it too: sync the folder (not every system can).
+    if let Ok(handle) = std::fs::File::open(folder_of(path)) {
         let _unsupported_on_some_systems = handle.sync_all();
     }
     Ok(())
@@ -90,13 +121,53 @@ pub fn temporary_folder(folder: &Path, prefix: &str) -> Result<tempfile::TempDir
 
 /// Writes a file that must not exist yet, in a folder that is not published yet.
 pub fn write_new(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    write_new_with(path, |file| file.write_all(bytes))
+}
+
+/// Writes a file that must not exist yet through `fill`, for contents too large to hold in memory.
+pub fn write_new_with(
+    path: &Path,
+    fill: impl FnOnce(&mut std::fs::File) -> io::Result<()>,
+) -> Result<(), FileError> {
     if let Some(folder) = path.parent() {
         create_folder(folder)?;
     }
     let fail = |source| FileError::Write { path: path.to_path_buf(), source };
     let mut file =
         std::fs::File::options().write(true).create_new(true).open(path).map_err(fail)?;
-    file.write_all(bytes).and_then(|()| file.sync_all()).map_err(fail)
+    fill(&mut file).and_then(|()| file.sync_all()).map_err(fail)
+}
+
+/// Opens a file that grows over several lives of the program, at its end. It counts for nothing under this name.
+pub fn open_to_append(path: &Path) -> Result<std::fs::File, FileError> {
+    if let Some(folder) = path.parent() {
+        create_folder(folder)?;
+    }
+    let fail = |source| FileError::Write { path: path.to_path_buf(), source };
+    std::fs::File::options().append(true).create(true).open(path).map_err(fail)
+}
+
+/// Removes a file that need not be there.
+pub fn remove(path: &Path) -> Result<(), FileError> {
+    match std::fs::remove_file(path) {
+        Err(source) if source.kind() != io::ErrorKind::NotFound => {
+            Err(FileError::Write { path: path.to_path_buf(), source })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Moves a complete file to its place, on the same file system; its folder is created. Never replaces another file.
+pub fn publish_file(from: &Path, to: &Path) -> Result<(), FileError> {
+    if let Some(folder) = to.parent() {
+        create_folder(folder)?;
+    }
+    let fail = |source| FileError::Write { path: to.to_path_buf(), source };
+    if std::fs::symlink_metadata(to).is_ok() {
+        return Err(fail(io::ErrorKind::AlreadyExists.into()));
+    }
+    #[expect(clippy::disallowed_methods, reason = "this is the place that publishes")]
+    std::fs::rename(from, to).map_err(fail)
 }
 
 /// Moves a complete folder to its place in one step, on the same file system. Never replaces a folder with something in it.
@@ -117,6 +188,31 @@ pub fn publish_folder(from: &Path, to: &Path) -> Result<Published, FileError> {
             Err(FileError::MoveFolder { from: from.to_path_buf(), to: to.to_path_buf(), source })
         }
     }
+}
+
+/// Opens a file for reading it in pieces.
+pub fn open(path: &Path) -> Result<std::fs::File, FileError> {
+    std::fs::File::open(path).map_err(|source| FileError::Read { path: path.to_path_buf(), source })
+}
+
+/// What lies directly in `folder`, sorted by name.
+pub fn list(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
+    let fail = |source| FileError::Read { path: folder.to_path_buf(), source };
+    let entries = std::fs::read_dir(folder).map_err(fail)?;
+    let mut paths =
+        entries.map(|entry| Ok(entry.map_err(fail)?.path())).collect::<Result<Vec<_>, _>>()?;
+    paths.sort_unstable();
+    Ok(paths)
+}
+
+/// Number of bytes of a file; a folder is an error.
+pub fn length(path: &Path) -> Result<u64, FileError> {
+    let fail = |source| FileError::Read { path: path.to_path_buf(), source };
+    let metadata = std::fs::metadata(path).map_err(fail)?;
+    if metadata.is_dir() {
+        return Err(fail(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder")));
+    }
+    Ok(metadata.len())
 }
 
 /// Reads a whole file, refusing more than `limit` bytes.
@@ -148,25 +244,39 @@ pub fn sha256_hex(bytes: &[u8]) -> String {
 
 /// SHA-256 of a file's content, read in pieces.
 pub fn sha256_of_file(path: &Path) -> Result<String, FileError> {
+    let mut hasher = Sha256::new();
+    for_each_piece(path, |piece| hasher.update(piece))?;
+    Ok(hex(&hasher.finalize()))
+}
+
+/// Reads a file from start to end in pieces.
+pub fn for_each_piece(path: &Path, mut take: impl FnMut(&[u8])) -> Result<(), FileError> {
     let fail = |source| FileError::Read { path: path.to_path_buf(), source };
     let mut file = std::fs::File::open(path).map_err(fail)?;
-    let mut hasher = Sha256::new();
     let mut buffer = vec![0_u8; 1 << 16];
     loop {
         let count = file.read(&mut buffer).map_err(fail)?;
         if count == 0 {
-            return Ok(hex(&hasher.finalize()));
+            return Ok(());
         }
-        hasher.update(&buffer[..count]);
+        take(&buffer[..count]);
     }
 }
 
-fn hex(bytes: &[u8]) -> String {
+/// Bytes as lower-case hexadecimal digits.
+pub(crate) fn hex(bytes: &[u8]) -> String {
     use std::fmt::Write as _;
     bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
         write!(text, "{byte:02x}").unwrap_or(());
         text
     })
+}
+
+/// A text from a file, made safe and short enough for a terminal.
+#[must_use]
+pub fn printable(text: &str) -> String {
+    const LONGEST: usize = 200;
+    text.chars().take(LONGEST).flat_map(char::escape_debug).collect()
 }
 
 #[cfg(test)]
@@ -188,6 +298,17 @@ mod tests {
     }
 
     #[test]
+    fn a_new_file_never_replaces_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.txt");
+        let write = |text: &'static [u8]| write_new_atomic_with(&path, |file| file.write_all(text));
+        write(b"first").unwrap();
+        assert!(matches!(write(b"second"), Err(FileError::Write { .. })));
+        assert_eq!(std::fs::read(&path).unwrap(), b"first");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
     fn publishing_a_folder_never_replaces_one_with_something_in_it() {
         let folder = tempfile::tempdir().unwrap();
         let (first, second, place) = (
@@ -201,6 +322,29 @@ mod tests {
         assert_eq!(publish_folder(&second, &place).unwrap(), Published::AlreadyThere);
         assert_eq!(std::fs::read(place.join("a")).unwrap(), b"1");
         assert!(matches!(write_new(&place.join("a"), b"3"), Err(FileError::Write { .. })));
+    }
+
+    #[test]
+    fn publishing_a_file_never_replaces_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let (from, to) = (folder.path().join("from"), folder.path().join("a/to"));
+        write_new(&from, b"1").unwrap();
+        publish_file(&from, &to).unwrap();
+        write_new(&from, b"2").unwrap();
+        assert!(matches!(publish_file(&from, &to), Err(FileError::Write { .. })));
+        assert_eq!(std::fs::read(&to).unwrap(), b"1");
+    }
+
+    #[test]
+    fn a_file_grows_at_its_end_and_may_be_removed_twice() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("b/growing.part");
+        open_to_append(&path).unwrap().write_all(b"one ").unwrap();
+        open_to_append(&path).unwrap().write_all(b"two").unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"one two");
+        remove(&path).unwrap();
+        remove(&path).unwrap();
+        assert!(!path.exists());
     }
 
     #[test]

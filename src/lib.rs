@@ -8,7 +8,7 @@
 //! cli → experiment → sim → policy
 //!                  → analysis, record, figure
 //! cli → assets
-//! everything → units, files, npz
+//! everything → units, files, npz, zip_directory
 //! ```
 //!
 //! * [`analysis`]: mathematics. Matrices in, numbers out.
@@ -85,8 +85,8 @@ pub mod figure;
 pub mod files;
 pub mod npz;
 pub mod policy;
-#[cfg(feature = "parquet")]
 pub mod record;
 #[cfg(feature = "sim")]
 pub mod sim;
 pub mod units;
+pub mod zip_directory;

@@ -47,8 +47,8 @@ fn elbow_bytes() -> Vec<u8> {
 #[test]
 fn a_checkpoint_that_is_missing_a_folder_or_something_else_is_named() {
     let bench = Bench::new();
-    refuses_policy(&bench, "nothing.zip", &[], &["`nothing.zip`", "does not exist"]);
-    refuses_policy(&bench, ".", &[], &["`.`", "is a folder"]);
+    refuses_policy(&bench, "nothing.zip", &[], &["there is no policy `nothing.zip`"]);
+    refuses_policy(&bench, ".", &[], &["no checkpoint in the folder `.`"]);
     bench.write("letter.zip", b"Dear Arnold,\n");
     refuses_policy(
         &bench,

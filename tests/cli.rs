@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 #[test]
 fn help_of_every_command_names_its_options_within_100_columns() {
     let playing: &[&str] = &[
-        "--policy <FILE>",
+        "--policy <FILE|NAME>",
         "--normaliser <FILE>",
         "--task <NAME>...",
         "--episodes <N>",
@@ -34,11 +34,21 @@ fn help_of_every_command_names_its_options_within_100_columns() {
         ("setup", &["--check", "--from <DIR>"]),
         ("doctor", &["what is missing"]),
         ("inspect", &["<FILE>", "without running anything"]),
+        ("convert", &["<FILE>...", "--to <FORMAT>", "--out <PATH>", "--signals <NAME>..."]),
         ("tasks", &["[TASK]"]),
-        ("rollout", playing),
+        ("rollout", &[playing, &["--format <FORMAT>..."]].concat()),
         ("evaluate", playing),
         ("csi", &[playing, &["--components <LIST>", "--no-pooled"]].concat()),
+        (
+            "emg",
+            &[playing, &["--subjects <DIR>", "--recording <[LABEL=]FILE>...", "--bf <BF>"]]
+                .concat(),
+        ),
+        ("factors", &[playing, &["--recording <[LABEL=]FILE>", "--profiles <FILE>"]].concat()),
+        ("smoothness", &[playing, &["--recording <NAME=PATH>...", "--skip-undefined"]].concat()),
+        ("kinematics", &[playing, &["--recording <NAME=PATH>..."]].concat()),
         ("verify", &["traces", "policy"]),
+        ("bench", &["policy", "loop", "--quick"]),
     ];
     let bench = Bench::new();
     let overview = bench.run(&["--help"]);
@@ -99,7 +109,9 @@ fn tasks_lists_what_there_is_and_shows_one() {
     let document = bench.json(&["tasks", "--json"]);
     let listed = document["tasks"].as_array().unwrap();
     assert_eq!(listed.len(), tasks::ALL.len());
-    for (task, entry) in tasks::ALL.iter().zip(listed) {
+    let extra = document["extra"].as_array().unwrap();
+    assert_eq!(extra.len(), tasks::EXTRA.len());
+    for (task, entry) in tasks::every().zip(listed.iter().chain(extra)) {
         assert_eq!(entry["name"], task.name);
         assert!(table.stdout.contains(task.name) && table.stdout.contains(task.paper_name));
     }
@@ -116,8 +128,99 @@ fn tasks_lists_what_there_is_and_shows_one() {
     }
     assert_eq!(observation[0]["words"], json!(["r_elbow_flex", "position", "angular", "joint"]));
     assert_eq!(elbow["reward_weights"]["sparse"], json!({"solved": 5.0}));
+    let solved = json!({
+        "event": "solved", "quantity": "angle to target", "when": "below", "value": 0.175, "unit": "rad"
+    });
+    assert_eq!(elbow["thresholds"][0], solved);
+    let drawn = json!({
+        "quantity": "target of r_elbow_flex", "unit": "rad", "uniform": {"low": [0.0], "high": [2.27]}
+    });
+    assert_eq!(elbow["start"][0], drawn);
+    let clean: u64 = elbow["clean_observation"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|block| block["length"].as_u64().unwrap())
+        .sum();
+    assert_eq!(clean, 9);
+    assert_eq!(elbow["actuators"][5]["words"], json!(["BRA", "activation", "muscle"]));
     let text = bench.run(&["tasks", "elbow_pose"]).stdout;
     assert!(text.contains("TRIlong") && text.contains("muscle_len"), "{text}");
+}
+
+#[test]
+fn a_task_fits_a_terminal_of_80_columns() {
+    let bench = Bench::new();
+    let narrow = |words: &[&str]| {
+        let text = bench.run(words).stdout;
+        let widest = text.lines().map(|line| line.chars().count()).max().unwrap();
+        assert!(widest <= 80, "{words:?}: a line of {widest} characters");
+        text
+    };
+    narrow(&["tasks"]);
+    let model = common::data_folder();
+    for task in tasks::every() {
+        if task.body == "legs" && !model.join(task.model).is_file() {
+            eprintln!("skipped: there is no leg model in `{}`", model.display());
+            continue;
+        }
+        let text = narrow(&["tasks", task.name, "--data", model.to_str().unwrap()]);
+        for section in ["Solved while", "Ends when", "Start of an episode", "Reward", "Observation"]
+        {
+            assert!(text.contains(section), "{}: {text}", task.name);
+        }
+    }
+}
+
+#[test]
+fn a_model_that_is_not_the_walking_body_is_refused() {
+    let bench = Bench::new();
+    let model = "data/kinesis/xml/myolegs_onlylegs.xml";
+    let free = "<mujoco><worldbody><body name='root'><freejoint/><geom size='0.1'/></body></worldbody></mujoco>";
+    bench.write(model, free.as_bytes());
+    for task in ["kinesis", "kinesis_forward"] {
+        let ended = bench.run(&["tasks", task]);
+        assert_eq!(ended.code, 1, "{}", ended.stdout);
+        let expected = "error: the model does not fit the task: a walking body needs a free root and 28 joints of one axis \
+                        each, the model has 7 coordinates and 0 other joints";
+        assert!(ended.stderr.starts_with(expected), "{}", ended.stderr);
+    }
+    // As many joints as needed, but nothing that touches or measures.
+    let mut jointed =
+        "<mujoco><worldbody><body name='root'><freejoint/><geom size='0.1'/>".to_owned();
+    (0..28).for_each(|_| jointed += "<body><joint axis='0 0 1'/><geom size='0.1'/>");
+    jointed += &("</body>".repeat(29) + "</worldbody></mujoco>");
+    bench.write(model, jointed.as_bytes());
+    let ended = bench.run(&["tasks", "kinesis"]);
+    assert_eq!(ended.code, 1, "{}", ended.stdout);
+    assert!(ended.stderr.contains("hint: ") && ended.stderr.contains(model), "{}", ended.stderr);
+    // Two velocities of 29 bodies, and touch.
+    assert!(
+        ended.stderr.contains("178 sensor values") && ended.stderr.contains("there are 0"),
+        "{}",
+        ended.stderr
+    );
+}
+
+#[test]
+fn random_actions_need_no_file_and_play_what_is_beside_the_paper() {
+    let bench = Bench::new();
+    let words = ["evaluate", "--policy", "random", "--episodes", "2", "--json", "--task"];
+    let document = bench.json(&[&words[..], &["elbow_pose", "hand_reach:ring+thumb"]].concat());
+    assert_eq!(keys(&document["tasks"]), ["elbow_pose", "hand_thumb_ring_reach"]);
+    let plan = &document["plan"];
+    assert_eq!(
+        (&plan["policy"]["name"], &plan["actions"]),
+        (&json!("random"), &json!("stochastic"))
+    );
+    for entry in document["tasks"].as_object().unwrap().values() {
+        assert_eq!(entry["diverged_steps"], 0);
+    }
+    let other = bench.json(&[&words[..], &["elbow_pose", "--seed", "1"]].concat());
+    let reward = |document: &Value| document["tasks"]["elbow_pose"]["reward"]["mean"].clone();
+    let again = bench.json(&[&words[..], &["elbow_pose", "--out", "again"]].concat());
+    assert_eq!(reward(&again), reward(&document), "another list of tasks, other actions");
+    assert_ne!(again["plan"]["seed"], other["plan"]["seed"]);
 }
 
 #[test]

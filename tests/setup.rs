@@ -208,6 +208,19 @@ fn the_doctor_fails_when_something_installed_is_damaged() {
     assert!(text.contains("MyoSuite 2.2.0 is damaged"), "{text}");
 }
 
+#[cfg(not(feature = "download"))]
+#[test]
+fn a_program_that_cannot_fetch_data_sets_names_the_feature_it_lacks() {
+    let bench = Bench::new();
+    let data = bench.path("data");
+    for option in ["--kinesis", "--emg", "--arnold"] {
+        let text = fails_with(1, bench.command(&["setup", option, "--data"]).arg(&data));
+        assert!(text.contains("was built without the feature `download`"), "{text}");
+        assert!(text.contains("hint: build it with `cargo build --release`"), "{text}");
+        assert!(!data.exists());
+    }
+}
+
 /// A bench with a true wheel of `MuJoCo` 2.3.7, made of what the user's cache holds. `make test` fills that cache first;
 /// elsewhere there is nothing to look at, which is said.
 fn bench_with_a_true_wheel() -> Option<Bench> {

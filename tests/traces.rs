@@ -1,6 +1,5 @@
 //! Bodies and tasks: recorded episodes of the published environments replay on this machine, a small recording that lies
-//! in the repository does so for everybody, a recording that was tampered with does not, and resets are drawn as
-//! published.
+//! in the repository does so for everybody, and a recording that was tampered with does not.
 
 #![cfg(all(feature = "sim", feature = "parquet", feature = "figures"))]
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
@@ -268,79 +267,6 @@ fn a_recording_of_an_unknown_task_is_skipped_and_said() {
     assert!(ended.stderr.contains("juggling_mj2.3.7_s0: `juggling` is not a task here"));
 }
 
-fn mean(numbers: &[f64]) -> f64 {
-    numbers.iter().sum::<f64>() / numbers.len() as f64
-}
-
-fn covariance(a: &[f64], b: &[f64]) -> f64 {
-    let (mean_a, mean_b) = (mean(a), mean(b));
-    a.iter().zip(b).map(|(a, b)| (a - mean_a) * (b - mean_b)).sum::<f64>() / a.len() as f64
-}
-
-/// Whether `draws` look uniform on [`low`, `high`]: inside, close to both ends, with the mean and the variance of the
-/// uniform distribution within five standard errors.
-fn assert_uniform(draws: &[f64], low: f64, high: f64, what: &str) {
-    let (n, width) = (draws.len() as f64, high - low);
-    // Observations are in single precision.
-    let rounding = 1e-6;
-    let (least, most) = draws.iter().fold((f64::MAX, f64::MIN), |(l, m), &x| (l.min(x), m.max(x)));
-    assert!(least >= low - rounding && most <= high + rounding, "{what}: {least} to {most}");
-    // The chance that n draws leave 10/n of the width empty at an end is e⁻¹⁰.
-    let gap = 10.0 / n * width;
-    assert!(least <= low + gap && most >= high - gap, "{what}: {least} to {most}");
-    let (expected_mean, expected_variance) = (low.midpoint(high), width * width / 12.0);
-    let mean_error = 5.0 * (expected_variance / n).sqrt();
-    assert!((mean(draws) - expected_mean).abs() < mean_error, "{what}: mean {}", mean(draws));
-    // A uniform distribution has kurtosis 9/5.
-    let variance_error = 5.0 * expected_variance * (0.8 / n).sqrt();
-    let variance = covariance(draws, draws);
-    assert!((variance - expected_variance).abs() < variance_error, "{what}: variance {variance}");
-}
-
-/// First observations of `count` episodes: the columns of `keys`.
-fn first_observations(task: &str, keys: &[&str], count: u16) -> Vec<Vec<f64>> {
-    let mut body = Physics::of(PhysicsVersion::V2_3_7).body(tasks::find(task).unwrap());
-    let places = body.task().layout().indices(keys);
-    let mut columns = vec![Vec::new(); places.len()];
-    for episode in 0..count {
-        let mut seed = [0; 32];
-        seed[..2].copy_from_slice(&episode.to_le_bytes());
-        body.reset(&mut Random::new(seed));
-        let seen = observation(&body);
-        for (column, &place) in columns.iter_mut().zip(&places) {
-            column.push(f64::from(seen[place]));
-        }
-    }
-    columns
-}
-
-#[test]
-fn elbow_targets_and_starts_are_uniform_and_independent() {
-    let columns = first_observations("elbow_pose", &["pose_target", "qpos"], 3000);
-    let [targets, starts] = &columns[..] else { panic!("two columns") };
-    assert_uniform(targets, 0.0, 2.27, "target");
-    assert_uniform(starts, 0.0, 2.269, "start");
-    let correlation = covariance(targets, starts)
-        / (covariance(targets, targets) * covariance(starts, starts)).sqrt();
-    assert!(correlation.abs() < 5.0 / 3000.0_f64.sqrt(), "{correlation}");
-}
-
-#[test]
-fn fingertip_targets_fill_their_boxes() {
-    for (task, low, high) in [
-        ("hand_thumb_reach", [-0.185, -0.577, 1.455], [-0.125, -0.517, 1.535]),
-        ("hand_index_reach", [-0.191, -0.567, 1.445], [-0.111, -0.527, 1.465]),
-        ("hand_middle_reach", [-0.186, -0.567, 1.437], [-0.106, -0.527, 1.457]),
-        ("hand_ring_reach", [-0.188, -0.563, 1.435], [-0.108, -0.523, 1.455]),
-        ("hand_little_reach", [-0.188, -0.548, 1.424], [-0.108, -0.508, 1.444]),
-    ] {
-        let columns = first_observations(task, &["target_pos"], 400);
-        for (axis, draws) in columns.iter().enumerate() {
-            assert_uniform(draws, low[axis], high[axis], &format!("{task}, axis {axis}"));
-        }
-    }
-}
-
 /// Positions of the two Baoding targets in the palm's plane.
 fn targets(body: &Environment) -> [[f64; 2]; 2] {
     ["target1_site", "target2_site"].map(|name| {
@@ -419,6 +345,6 @@ fn an_episode_does_not_depend_on_what_its_body_played_before() {
         first != episode_bits(&mut used, 1) || first != episode_bits(&mut physics.body(task), 1)
     };
     let failures: Vec<&str> =
-        tasks::ALL.iter().filter(|task| differs(task)).map(|task| task.name).collect();
+        tasks::every().filter(|task| differs(task)).map(|task| task.name).collect();
     assert!(failures.is_empty(), "{failures:?}");
 }

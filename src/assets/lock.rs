@@ -3,7 +3,6 @@
 use std::fs::{File, TryLockError};
 use std::path::Path;
 
-use super::AssetError;
 use crate::files::{self, FileError};
 
 /// Held while a part is being installed.
@@ -16,7 +15,7 @@ pub(super) struct InstallLock {
 
 impl InstallLock {
     /// Waits for the lock of the cache in `root`, after calling `waiting` if somebody else holds it.
-    pub(super) fn take(root: &Path, waiting: impl FnOnce()) -> Result<Self, AssetError> {
+    pub(super) fn take(root: &Path, waiting: impl FnOnce()) -> Result<Self, FileError> {
         files::create_folder(root)?;
         let path = root.join(".lock");
         let file = File::options()

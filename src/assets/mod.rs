@@ -11,8 +11,11 @@
 //! What is inside is believed only when it has the SHA-256 committed in [`part`]. Parts live in a cache folder, one
 //! folder each, and appear there whole: unpacked beside their place, then renamed. Every use hashes the files again, so
 //! a library or model that changed on disk is an error, never a wrong number.
+//!
+//! Published data sets are not packages: [`data`] fetches them into the user's data folder.
 
 pub mod cache;
+pub mod data;
 mod error;
 mod install;
 mod lock;

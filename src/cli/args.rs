@@ -36,12 +36,14 @@ pub struct GlobalArguments {
 /// What to do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Fetch what the tool may not carry: MuJoCo libraries and MyoSuite models
+    /// Fetch what the tool may not carry: MuJoCo libraries and MyoSuite models, or published data sets
     Setup(commands::setup::SetupArguments),
     /// Show what is installed, what is missing and the command that mends it
     Doctor(commands::doctor::DoctorArguments),
-    /// Show what is inside a checkpoint, without running anything in it
+    /// Show what is inside a checkpoint or a recording, without running anything in it
     Inspect(commands::inspect::InspectArguments),
+    /// Write a policy as safetensors and JSON, or a recording in another format: Parquet, MCAP, upstream's HDF5
+    Convert(commands::convert::ConvertArguments),
     #[cfg(feature = "play")]
     /// List the tasks, or show what one of them observes, rewards and counts as solved
     Tasks(commands::tasks::TasksArguments),
@@ -55,6 +57,21 @@ pub enum Command {
     /// Control-subspace inactivation: performance against the number of muscle components
     Csi(commands::csi::CsiArguments),
     #[cfg(feature = "play")]
+    /// Count the dimensions in which joints move, beside those of a human hand
+    Kinematics(commands::kinematics::KinematicsArguments),
+    #[cfg(feature = "play")]
+    /// Measure how smooth movements are, and compare policies
+    Smoothness(commands::smoothness::SmoothnessArguments),
+    #[cfg(feature = "play")]
+    /// Compare muscle activity of walking with human EMG, and people with each other
+    Emg(Box<commands::emg::EmgArguments>),
+    #[cfg(feature = "play")]
+    /// Factors of the leg muscles over the gait cycle, after Ivanenko et al. 2004
+    Factors(Box<commands::factors::FactorsArguments>),
+    #[cfg(feature = "play")]
     /// Check this machine against recorded episodes and policy outputs of the published code
     Verify(commands::verify::VerifyArguments),
+    #[cfg(feature = "play")]
+    /// Measure how fast this machine plays, against its own limits
+    Bench(commands::bench::BenchArguments),
 }

@@ -18,7 +18,8 @@ pub fn policy_error(error: &PolicyError, path: &Path, normaliser: Option<&Path>)
     match (fact, used) {
         (PolicyError::MissingNormaliser { .. }, _) => Hinted::new(
             error.to_string(),
-            "give the normaliser that was saved with this checkpoint: `--normaliser FILE`",
+            "give the normaliser that was saved with this checkpoint: `--normaliser FILE`; if it was trained without \
+             one, `--normaliser none`",
         ),
         (
             PolicyError::WrongNormaliser { .. }

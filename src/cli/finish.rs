@@ -7,7 +7,9 @@ use serde_json::{Value, json};
 use crate::experiment::ExperimentError;
 use crate::experiment::run_folder::{Manifest, RunFolder};
 use crate::figure::{Provenance, write_figure};
-use crate::record::{Table, write_parquet};
+use crate::record::{
+    Format, Place, RecordError, Recording, Table, write_csv, write_parquet, write_recording,
+};
 
 use super::context::{Context, Outcome};
 use super::laboratory::Laboratory;
@@ -31,6 +33,39 @@ impl<'a> Output<'a> {
         write_parquet(&self.folder.file(name), table, &self.folder.provenance())?;
         self.names.push(name.to_owned());
         Ok(())
+    }
+
+    /// Writes `table` as Parquet, which is the record, and as CSV, for looking.
+    pub fn tidy(&mut self, stem: &str, table: &Table) -> Result<(), ExperimentError> {
+        self.table(&format!("{stem}.parquet"), table)?;
+        self.written(&format!("{stem}.csv"), |path| write_csv(path, table))
+    }
+
+    /// Writes a file with `write`, which is given its path.
+    pub fn written(
+        &mut self,
+        name: &str,
+        write: impl FnOnce(&Path) -> Result<(), RecordError>,
+    ) -> Result<(), ExperimentError> {
+        write(&self.folder.file(name))?;
+        self.names.push(name.to_owned());
+        Ok(())
+    }
+
+    /// Writes a recording in `formats` and gives the names of the files.
+    pub fn recording(
+        &mut self,
+        stem: &str,
+        recording: Recording,
+        formats: &[Format],
+    ) -> Result<Vec<String>, ExperimentError> {
+        let name = |format: &Format| format!("{stem}.{}", format.extension());
+        let names: Vec<String> = formats.iter().map(name).collect();
+        let files: Vec<_> =
+            formats.iter().zip(&names).map(|(&f, name)| (f, self.folder.file(name))).collect();
+        write_recording(recording, &files, Place::Replace)?;
+        self.names.extend(names.iter().cloned());
+        Ok(names)
     }
 
     /// Writes a figure as SVG, PDF and PNG.
@@ -57,8 +92,16 @@ impl<'a> Output<'a> {
         result: Value,
         seconds: f64,
     ) -> Result<Manifest, ExperimentError> {
-        let (left_out, machine) =
-            (laboratory.left_out_document(), laboratory.circumstances(seconds));
+        self.finish_with(laboratory.left_out_document(), result, laboratory.circumstances(seconds))
+    }
+
+    /// The same for a run that played nothing.
+    pub fn finish_with(
+        self,
+        left_out: Value,
+        result: Value,
+        machine: Value,
+    ) -> Result<Manifest, ExperimentError> {
         Ok(self.folder.finish(&self.names, left_out, result, machine)?)
     }
 }
@@ -70,7 +113,17 @@ pub fn open(
     command: &str,
     plan: &Value,
 ) -> anyhow::Result<(RunFolder, Option<Manifest>)> {
-    let folder = RunFolder::new(&laboratory.out, command, plan);
+    open_below(context, &laboratory.out, command, plan)
+}
+
+/// The same below any folder for results.
+pub fn open_below(
+    context: &Context,
+    out: &Path,
+    command: &str,
+    plan: &Value,
+) -> anyhow::Result<(RunFolder, Option<Manifest>)> {
+    let folder = RunFolder::new(out, command, plan);
     if let Some(manifest) = folder.finished() {
         context.say(&format!("Already done; delete `{}` to run it again", folder.path.display()));
         return Ok((folder, Some(manifest)));
@@ -113,7 +166,7 @@ pub fn print(
         }
         render::print_json(&document)?;
     } else {
-        let mut text = table(&manifest.result);
+        let mut text = table(&manifest.result) + &divergence(&manifest.result);
         let names: Vec<&str> = manifest.files.iter().map(|file| file.name.as_str()).collect();
         text.extend(["\n", &folder.path.display().to_string(), "/\n"]);
         for name in names.into_iter().chain(["manifest.json"]) {
@@ -122,6 +175,20 @@ pub fn print(
         render::print_text(&text)?;
     }
     Ok(Outcome::Done)
+}
+
+/// A line for each task in which the physics diverged; nothing if it never did.
+fn divergence(result: &Value) -> String {
+    let tasks = result["tasks"].as_object().into_iter().flatten();
+    let diverged = tasks.filter_map(|(task, entry)| {
+        let steps = entry["diverged_steps"].as_u64().filter(|&steps| steps > 0)?;
+        let word = if steps == 1 { "step" } else { "steps" };
+        Some(format!(
+            "warning: the physics of `{task}` diverged in {steps} {word} and was reset there\n"
+        ))
+    });
+    let lines: String = diverged.collect();
+    if lines.is_empty() { lines } else { format!("\n{lines}") }
 }
 
 fn absolute(path: &Path) -> std::path::PathBuf {

@@ -8,7 +8,8 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use crate::assets::{self, AssetError, Cache, Part, PhysicsVersion};
-use crate::policy::{self, Loaded};
+use crate::policy::shelf::{self, Choice};
+use crate::policy::{self, Loaded, Member, ObservationVariant};
 use crate::sim::bodies::Bodies;
 use crate::sim::engine::{EngineError, Library};
 use crate::sim::environment::Environment;
@@ -25,19 +26,21 @@ use super::render::Hinted;
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Playing")]
 pub struct PlayArguments {
-    /// Checkpoint to play [default: the one `$ARNOLD_POLICY` names, else the published Arnold checkpoint
-    /// under `--data`, else the elbow baseline of `MyoSuite`]
-    #[arg(long, value_name = "FILE")]
+    /// Policy to play: a checkpoint, a folder with one, or a name: `arnold`, `obc`, `arnold/seed_1`, `expert` (every
+    /// task's own), `expert:TASK`, `expert:CONFIGURATION` [default: the one `$ARNOLD_POLICY` names, else the published
+    /// Arnold checkpoint under `--data`, else the elbow baseline of `MyoSuite`]. `random`: uniformly random actions
+    #[arg(long, value_name = "FILE|NAME")]
     policy: Option<PathBuf>,
-    /// Normaliser the policy was trained with [default: the one beside the checkpoint]
+    /// Normaliser the policy was trained with, or `none` [default: the one beside the checkpoint]
     #[arg(long, value_name = "FILE")]
     normaliser: Option<PathBuf>,
-    /// Tasks to play: names, `hand`, or `all` the policy can play
-    #[arg(long, value_name = "NAME", num_args = 1.., value_delimiter = ',', default_value = "all")]
-    task: Vec<String>,
+    /// Tasks to play: names, or every task that fits of the paper's (`all`, `hand`) or of the others (`extra`)
+    /// [default: all; for `smoothness` hand, for `kinematics` `baoding_p1_ccw`]
+    #[arg(long, value_name = "NAME", num_args = 1.., value_delimiter = ',')]
+    pub(super) task: Vec<String>,
     /// Episodes per task
     #[arg(long, value_name = "N", value_parser = count, allow_negative_numbers = true)]
-    episodes: Option<NonZeroUsize>,
+    pub(super) episodes: Option<NonZeroUsize>,
     /// Play the mean action
     #[arg(long, conflicts_with = "stochastic")]
     deterministic: bool,
@@ -61,7 +64,21 @@ pub struct PlayArguments {
     batch: NonZeroUsize,
     /// Folder for results, one folder per run inside
     #[arg(long, value_name = "DIR", default_value = "runs")]
-    out: PathBuf,
+    pub(super) out: PathBuf,
+}
+
+impl PlayArguments {
+    /// Whether a policy was named.
+    #[must_use]
+    pub fn names_policy(&self) -> bool {
+        self.policy.is_some()
+    }
+
+    /// Folder for results.
+    #[must_use]
+    pub fn out(&self) -> &Path {
+        &self.out
+    }
 }
 
 fn count(text: &str) -> Result<NonZeroUsize, String> {
@@ -119,6 +136,8 @@ pub struct Laboratory {
 /// What a command does when the arguments do not say.
 #[derive(Debug, Clone, Copy)]
 pub struct Defaults {
+    /// Tasks, as one would type them.
+    pub tasks: &'static str,
     /// Episodes per task.
     pub episodes: usize,
     /// `None`: the mean for single-task experts, samples for everything else, as the paper evaluates.
@@ -132,17 +151,14 @@ impl Laboratory {
         arguments: &PlayArguments,
         defaults: Defaults,
     ) -> anyhow::Result<Self> {
-        let named = named_tasks(&arguments.task)?;
+        let named = match arguments.task.as_slice() {
+            [] => named_tasks(&[defaults.tasks.to_owned()])?,
+            words => named_tasks(words)?,
+        };
         let cache = Cache::locate();
         let models = available(context, &cache, Part::MyoSuite, Cache::myosuite)?;
         let library = open_library(context, &cache, arguments.physics)?;
-        let (path, chosen_because) = choose_policy(context, arguments, &cache)?;
-        if let Some(normaliser) = &arguments.normaliser {
-            existing(normaliser, NORMALISER_HINT)?;
-        }
-        let normaliser = arguments.normaliser.as_deref();
-        let mut policy = policy::open(&path, normaliser)
-            .map_err(|error| explain::policy_error(&error, &path, normaliser))?;
+        let (mut policy, chosen_because) = open_policy(context, arguments, &named, &cache)?;
         if chosen_because == Origin::Baseline.reason() {
             // The file is called `best_policy.pickle`, which says nothing in a figure.
             "MyoSuite elbow baseline (NPG)".clone_into(&mut policy.name);
@@ -205,6 +221,11 @@ impl Laboratory {
         ));
         let names: Vec<&str> = self.tasks.iter().map(|task| task.name).collect();
         context.say(&format!("Tasks: {}", names.join(", ")));
+        let expert = |member: &Member| format!("{} by `{}`", member.task, member.name);
+        let experts: Vec<String> = self.policy.members.iter().map(expert).collect();
+        if !experts.is_empty() {
+            context.say(&format!("Experts: {}", experts.join(", ")));
+        }
         let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
         for LeftOut { task, reason } in &self.left_out {
             match reasons.iter_mut().find(|(known, _)| known == reason) {
@@ -259,6 +280,7 @@ impl Laboratory {
         json!({
             "checkpoint": self.policy.checkpoint_path,
             "normaliser": self.policy.normaliser_path,
+            "experts": self.policy.members.iter().map(expert_document).collect::<Vec<_>>(),
             "chosen_because": self.chosen_because,
             "platform": assets::platform::describe_here(),
             "threads": self.machine.threads,
@@ -274,6 +296,17 @@ impl Laboratory {
         let entry = |left: &LeftOut| json!({"task": left.task, "reason": left.reason});
         self.left_out.iter().map(entry).collect()
     }
+}
+
+/// One of a set of experts, for the manifest.
+fn expert_document(member: &Member) -> Value {
+    json!({
+        "task": member.task,
+        "checkpoint": member.checkpoint_path,
+        "checkpoint_blake3": member.checkpoint_hash,
+        "normaliser": member.normaliser_path,
+        "normaliser_blake3": member.normaliser_hash,
+    })
 }
 
 fn all_cores() -> usize {
@@ -307,53 +340,106 @@ pub fn available(
     }
 }
 
-/// Which checkpoint, and why that one.
-fn choose_policy(
+/// The policy, and why that one.
+fn open_policy(
     context: &Context,
     arguments: &PlayArguments,
+    named: &Named,
     cache: &Cache,
-) -> anyhow::Result<(PathBuf, &'static str)> {
-    if let Some(path) = &arguments.policy {
-        return existing(path, POLICY_HINT).map(|path| (path, "named by `--policy`"));
+) -> anyhow::Result<(Loaded, &'static str)> {
+    let (name, chosen_because) = if let Some(name) = &arguments.policy {
+        (name.clone(), "named by `--policy`")
+    } else {
+        let (name, origin) = default_policy::choose(&context.data, cache)?;
+        (name, origin.reason())
+    };
+    let normaliser = arguments.normaliser.as_deref();
+    if name.as_os_str() == RANDOM {
+        if normaliser.is_some() {
+            return Err(Hinted::new(
+                "random actions have no normaliser",
+                "leave `--normaliser` out, or name a checkpoint with `--policy FILE`",
+            ));
+        }
+        let because = if arguments.policy.is_some() {
+            "named by `--policy`: uniform between -1 and 1"
+        } else {
+            chosen_because
+        };
+        return Ok((Loaded::random(), because));
     }
-    let (path, origin) = default_policy::choose(&context.data, cache)?;
-    let path = if origin == Origin::Variable { existing(&path, POLICY_HINT)? } else { path };
-    Ok((path, origin.reason()))
+    let choice = shelf::find(&name, &context.data)
+        .map_err(|error| Hinted::new(error.to_string(), POLICY_HINT))?;
+    let policy = match choice {
+        Choice::File(path) => {
+            if let Some(path) = normaliser.filter(|path| *path != Path::new(policy::NO_NORMALISER))
+            {
+                existing(path, NORMALISER_HINT)?;
+            }
+            policy::open(&path, normaliser)
+                .map_err(|error| explain::policy_error(&error, &path, normaliser))?
+        }
+        Choice::Experts(_) if normaliser.is_some() => {
+            return Err(Hinted::new(
+                "`--normaliser` names one file, but every expert has its own",
+                "leave `--normaliser` out",
+            ));
+        }
+        Choice::Experts(table) => {
+            let tasks: Vec<&str> = named.tasks.iter().map(|task| task.name).collect();
+            policy::open_experts(&table, &tasks, &context.data)
+                .map_err(|error| Hinted::new(error.to_string(), POLICY_HINT))?
+        }
+    };
+    Ok((policy, chosen_because))
 }
 
-/// What to type when there is no such checkpoint.
-const POLICY_HINT: &str = "give the checkpoint file itself with `--policy FILE` (`.zip` of Stable-Baselines3 or an NPG `.pickle`)";
+/// The policy that comes from no file; a file of that name is `./random`.
+const RANDOM: &str = "random";
+/// What to type when there is no such policy.
+const POLICY_HINT: &str = "give a checkpoint file or the folder of a run with `--policy`; `arnold-analyze setup --arnold` fetches the published ones into the data folder, `--data DIR` names another";
 /// What to type when there is no such normaliser.
 const NORMALISER_HINT: &str = "give the normaliser file itself with `--normaliser FILE`, or leave it out to use the one beside the checkpoint";
 
-fn existing(path: &Path, hint: &str) -> anyhow::Result<PathBuf> {
+fn existing(path: &Path, hint: &str) -> anyhow::Result<()> {
     if path.is_file() {
-        return Ok(path.to_path_buf());
+        return Ok(());
     }
     let what = if path.is_dir() { "is a folder, not a file" } else { "does not exist" };
     Err(Hinted::new(format!("`{}` {what}", path.display()), hint))
 }
 
-/// Single-task experts are evaluated by their mean, everything else by samples (`spec/analysis.md` §1.1).
+/// Single-task experts, which see the clean observation, are evaluated by their mean, everything else by samples
+/// (`spec/analysis.md` §1.1).
 fn published_mode(policy: &Loaded) -> ActionMode {
     use crate::policy::checkpoint::contents::Format;
-    match policy.format {
-        Format::ArnoldTransformer => ActionMode::Stochastic,
-        Format::RecurrentPpo | Format::PpoMlp | Format::NpgMlp => ActionMode::Deterministic,
+    let of_all_tasks =
+        policy.members.is_empty() && policy.policy.variant() == ObservationVariant::Muscle;
+    // The evaluation of the transformer over time forces the mean (`spec/policy.md` §2.3).
+    let over_time = policy.format == Some(Format::TemporalTransformer);
+    if of_all_tasks && !over_time && policy.policy.is_stochastic() {
+        ActionMode::Stochastic
+    } else {
+        ActionMode::Deterministic
     }
 }
 
 /// The tasks named by `words`, and whether one that does not fit is an error rather than left out.
-struct Named {
-    tasks: Vec<&'static Definition>,
+pub(super) struct Named {
+    pub(super) tasks: Vec<&'static Definition>,
     strict: bool,
 }
 
-fn named_tasks(words: &[String]) -> anyhow::Result<Named> {
-    if let [word] = words
-        && (word == "all" || word == "hand")
-    {
-        let tasks = tasks::ALL.iter().filter(|task| word == "all" || task.body == "hand").collect();
+pub(super) fn named_tasks(words: &[String]) -> anyhow::Result<Named> {
+    let group: Option<Vec<&'static Definition>> = match words {
+        [word] if word == "all" => Some(tasks::ALL.iter().collect()),
+        [word] if word == "hand" => {
+            Some(tasks::ALL.iter().filter(|task| task.body == "hand").collect())
+        }
+        [word] if word == "extra" => Some(tasks::EXTRA.iter().collect()),
+        _ => None,
+    };
+    if let Some(tasks) = group {
         return Ok(Named { tasks, strict: false });
     }
     let mut found: Vec<&'static Definition> = Vec::new();
@@ -371,10 +457,10 @@ fn named_tasks(words: &[String]) -> anyhow::Result<Named> {
 /// A body for `task`, or what to do to get one.
 pub fn environment(task: &'static Definition, bodies: &Bodies) -> anyhow::Result<Environment> {
     Environment::new(task, bodies, RewardConfiguration::Sparse).map_err(|error| match error {
-        EngineError::NoModel { .. } => Hinted::new(
+        EngineError::NoModel { .. } | EngineError::WrongModel { .. } => Hinted::new(
             error.to_string(),
-            "unpack `kinesis.tar.gz` of the published Arnold record (Zenodo 21807280) into the data folder, or name \
-             the folder that holds it with `--data DIR` or `ARNOLD_DATA`; all other tasks work without it",
+            "run `arnold-analyze setup --kinesis`, or name the folder that holds the published model with `--data DIR` \
+             or `ARNOLD_DATA`; all other tasks work without it",
         ),
         other => other.into(),
     })

@@ -4,12 +4,13 @@ pub mod args;
 pub mod commands;
 pub mod context;
 pub mod default_policy;
-#[cfg(feature = "play")]
 pub mod explain;
 #[cfg(feature = "play")]
 pub mod finish;
 #[cfg(feature = "play")]
 pub mod laboratory;
+#[cfg(feature = "play")]
+pub mod movement;
 pub mod progress;
 pub mod render;
 
@@ -52,6 +53,7 @@ fn dispatch(context: &Context, command: Command) -> anyhow::Result<Outcome> {
         Command::Setup(args) => commands::setup::run(context, &args),
         Command::Doctor(args) => commands::doctor::run(context, &args),
         Command::Inspect(args) => commands::inspect::run(context, &args),
+        Command::Convert(args) => commands::convert::run(context, &args),
         #[cfg(feature = "play")]
         Command::Tasks(args) => commands::tasks::run(context, &args),
         #[cfg(feature = "play")]
@@ -61,6 +63,16 @@ fn dispatch(context: &Context, command: Command) -> anyhow::Result<Outcome> {
         #[cfg(feature = "play")]
         Command::Csi(args) => commands::csi::run(context, &args),
         #[cfg(feature = "play")]
+        Command::Kinematics(args) => commands::kinematics::run(context, &args),
+        #[cfg(feature = "play")]
+        Command::Smoothness(args) => commands::smoothness::run(context, &args),
+        #[cfg(feature = "play")]
+        Command::Emg(args) => commands::emg::run(context, &args),
+        #[cfg(feature = "play")]
+        Command::Factors(args) => commands::factors::run(context, &args),
+        #[cfg(feature = "play")]
         Command::Verify(args) => commands::verify::run(context, &args),
+        #[cfg(feature = "play")]
+        Command::Bench(args) => commands::bench::run(context, &args),
     }
 }

@@ -57,6 +57,12 @@ impl TaskEvaluation {
         Summary::of(&self.column(|episode| episode.reward), Divisor::CountMinusOne)
     }
 
+    /// Steps of all episodes in which the physics diverged and was reset.
+    #[must_use]
+    pub fn diverged_steps(&self) -> usize {
+        self.episodes.iter().map(|episode| episode.diverged_steps).sum()
+    }
+
     /// The published benchmark record.
     pub fn benchmark_record(&self) -> Result<BenchmarkRecord, PerformanceError> {
         let outcomes: Vec<EpisodeOutcome> = self
@@ -123,6 +129,7 @@ pub fn document(evaluations: &[TaskEvaluation]) -> Value {
             "solved_fraction": solved,
             "episode_length": summary(&evaluation.episode_length()),
             "reward": summary(&evaluation.reward()),
+            "diverged_steps": evaluation.diverged_steps(),
         });
         tasks.insert(evaluation.task.name.to_owned(), entry);
     }

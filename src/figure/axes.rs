@@ -30,6 +30,19 @@ impl Axis {
         Self { low: 0.0, high: count * step, ticks }
     }
 
+    /// From at most `low` to at least `high`, through zero, with round ticks at both ends.
+    pub(super) fn through_zero(low: f64, high: f64, intervals: usize) -> Self {
+        let sane = |x: f64| if x.is_finite() { x } else { 0.0 };
+        let (low, high) = (sane(low).min(0.0), sane(high).max(0.0));
+        let span = high - low;
+        let step = if span > 0.0 { round_step(span / intervals as f64) } else { 1.0 };
+        let below = (-low / step - 1e-9).ceil().max(0.0);
+        let above = (high / step - 1e-9).ceil().max(f64::from(below < 1.0));
+        let count = (below + above) as usize;
+        let ticks: Vec<f64> = (0..=count).map(|i| (i as f64 - below) * step).collect();
+        Self { low: -below * step, high: above * step, ticks }
+    }
+
     /// From 1 to `largest` components, both with a tick, with some room on either side.
     pub(super) fn of_counts(largest: usize) -> Self {
         let largest = largest.max(1) as f64;
@@ -179,6 +192,17 @@ mod tests {
         for odd in [f64::NAN, 0.0, -3.0, f64::INFINITY] {
             assert_eq!(Axis::from_zero(odd, 2).high.to_bits(), 1.0_f64.to_bits());
         }
+    }
+
+    #[test]
+    fn an_axis_through_zero_reaches_both_ends() {
+        assert_eq!(Axis::through_zero(-21.3, -12.0, 4).labels(), ["-30", "-20", "-10", "0"]);
+        assert_eq!(Axis::through_zero(0.0, 3.2, 4).labels(), ["0", "1", "2", "3", "4"]);
+        assert_eq!(Axis::through_zero(f64::NAN, f64::NAN, 4).labels(), ["0", "1"]);
+        assert_eq!(
+            Axis::through_zero(-1.0, 1.0, 4).labels(),
+            ["-1.0", "-0.5", "0.0", "0.5", "1.0"]
+        );
     }
 
     #[test]

@@ -7,9 +7,14 @@ mod axes;
 mod bars;
 mod canvas;
 mod csi;
+mod dimensions;
 mod export;
+mod factors;
 mod fonts;
 mod legend;
+mod metrics;
+mod muscle_correlations;
+mod muscle_profiles;
 pub mod palette;
 mod pdf;
 #[cfg(test)]
@@ -17,7 +22,12 @@ mod testing;
 
 pub use bars::{Bar, BarFigure, BarSeries};
 pub use csi::{Basis, CsiFigure, CsiPanel, CsiPoint, CsiSeries};
+pub use dimensions::{DimensionBar, DimensionFigure, DimensionPanel};
 pub use export::{PNG_DPI, pdf_from_svg, png_from_svg, write_figure};
+pub use factors::{FactorFigure, FactorPanel};
+pub use metrics::{Bracket, MetricBar, MetricPanel, MetricsFigure};
+pub use muscle_correlations::{CorrelationBar, CorrelationFigure};
+pub use muscle_profiles::{ProfileFigure, ProfilePanel};
 
 use crate::files::FileError;
 

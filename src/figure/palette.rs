@@ -12,3 +12,46 @@ pub const BLACK: &str = "#1A1A1A";
 pub const GREY: &str = "#757575";
 /// Paper.
 pub const WHITE: &str = "#FFFFFF";
+/// Policies by the names they are given in the paper, then what is left for others.
+const POLICIES: [(&[&str], &str); 5] = [
+    (&["expert"], "#9C9C9C"),
+    (&["single", "obc_st", "obc-st"], "#9467BD"),
+    (&["obc", "multi"], "#209688"),
+    (&["arnold"], "#2580B8"),
+    (&["kinesis"], "#54A24B"),
+];
+/// Walking people beside the policies.
+pub const PEOPLE: &str = "#9C9C9C";
+/// The human hand beside the policies.
+pub const HUMAN: &str = "#BEADA1";
+
+/// A colour for each policy: the paper's for a name of the paper's, and no colour twice while there are others.
+#[must_use]
+pub fn policy_colours(names: &[&str]) -> Vec<&'static str> {
+    const OTHERS: [&str; 4] = [BLUE, RED, VIOLET, GREY];
+    let mut given: Vec<&'static str> = Vec::new();
+    for name in names {
+        let name = name.to_lowercase();
+        let known = POLICIES.iter().find(|(words, _)| words.iter().any(|w| name.contains(w)));
+        let own = known.map(|(_, colour)| *colour);
+        let all = || own.into_iter().chain(OTHERS).chain(POLICIES.map(|(_, colour)| colour));
+        let free = all().find(|colour| !given.contains(colour));
+        given.push(free.or(own).unwrap_or(OTHERS[names.len() % OTHERS.len()]));
+    }
+    given
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn policies_of_the_paper_have_its_colours_and_nobody_has_anothers() {
+        let found = policy_colours(&["Expert", "Single-task OBC", "Multi-task OBC", "Arnold"]);
+        assert_eq!(found, ["#9C9C9C", "#9467BD", "#209688", "#2580B8"]);
+        let mut found = policy_colours(&["mine", "arnold", "arnold/seed_1", "other", "obc"]);
+        found.sort_unstable();
+        found.dedup();
+        assert_eq!(found.len(), 5);
+    }
+}

@@ -2,9 +2,10 @@
 //!
 //! A task offers two observation vectors: the *muscle* vector, one token per sensor, which the transformer sees, and
 //! the *clean* vector, which the single-task experts were trained on (`spec/tasks.md` §2). A policy says which of them
-//! it wants and is then bound to the task: everything that is constant for the task is computed once.
+//! it wants (the walking expert: and the muscles' lengths and velocities) and is then bound to the task: everything that is constant for the task is computed once.
 
 use super::PolicyError;
+use super::policies::muscle_model::MuscleModel;
 
 /// Which of a task's two observation vectors a policy was trained on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -13,6 +14,20 @@ pub enum ObservationVariant {
     Muscle,
     /// The shorter vector of the original single-task environment.
     Clean,
+    /// That vector, then the length (m) and the lengthening velocity (m/s) of every muscle.
+    CleanAndMuscles,
+}
+
+/// How an action is drawn around its mean.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Sampling {
+    /// By [`Actor::sample`], from normal numbers.
+    Gaussian,
+    /// Uniformly, up to this far on either side.
+    Uniform {
+        /// Half of the range.
+        half_width: f32,
+    },
 }
 
 /// What a policy needs to know about a task before it can play it.
@@ -30,12 +45,19 @@ pub struct TaskInterface {
     pub observation_words: Vec<Vec<u16>>,
     /// Vocabulary ids describing each muscle as an action, without padding.
     pub action_words: Vec<Vec<u16>>,
+    /// How each muscle pulls, for policies that ask for lengths rather than excitations. Empty where there is no body.
+    pub muscle_models: Vec<MuscleModel>,
 }
 
 /// A policy that was read from a file and can be bound to tasks. Shared between threads.
 pub trait Policy: Send + Sync {
     /// Which observation it wants.
     fn variant(&self) -> ObservationVariant;
+
+    /// Which observation it wants in `task`: the same everywhere, except for a set of experts.
+    fn variant_in(&self, _task: &str) -> ObservationVariant {
+        self.variant()
+    }
 
     /// Prepares it for `task` with room for `slots` bodies that are played at the same time. Fails, naming both
     /// numbers, if the task does not fit.
@@ -74,6 +96,25 @@ pub trait Actor: Send {
         standard_deviations: Option<&mut [f32]>,
     );
 
+    /// Turns the mean in `action` into a sample, right after [`Self::act`] gave it and `standard_deviations` for the body
+    /// in `slot`. `normal` draws standard normal numbers. Muscles are independent unless a family says otherwise.
+    fn sample(
+        &mut self,
+        _slot: usize,
+        standard_deviations: &[f32],
+        action: &mut [f32],
+        normal: &mut dyn FnMut() -> f64,
+    ) {
+        for (action, deviation) in action.iter_mut().zip(standard_deviations) {
+            *action += deviation * normal() as f32;
+        }
+    }
+
     /// Whether this family's own `predict` clips what it sends to the body to [-1, 1] (`spec/policy.md` §1.10).
     fn clips_actions(&self) -> bool;
+
+    /// How actions are drawn around their means.
+    fn sampling(&self) -> Sampling {
+        Sampling::Gaussian
+    }
 }

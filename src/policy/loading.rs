@@ -3,17 +3,26 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::agreement;
 use super::checkpoint::contents::{Checkpoint, ComponentStatistics, Format, Normaliser};
 use super::checkpoint::{
-    Limits, in_file as checkpoint_in_file, normaliser_beside, read_checkpoint, read_normaliser,
+    Limits, Package, in_file as checkpoint_in_file, normaliser_beside, read_checkpoint,
+    read_normaliser, read_package,
 };
+use super::network::temporal::TemporalTransformer;
 use super::network::transformer::Transformer;
-use super::network::weights::Weights;
 use super::policies::mlp::MlpPolicy;
 use super::policies::recurrent::RecurrentPolicy;
+use super::policies::temporal::{Recall, TemporalPolicy};
 use super::policies::transformer::TransformerPolicy;
+use super::policies::uniform::UniformPolicy;
+use super::policies::walking::WalkingPolicy;
+use super::transformer_files::{
+    arguments_beside, assumptions, check_word_count, completed_hash, foreign_vocabulary,
+    is_transformer, speech, steps_differ, transformer_network, translate,
+};
 use super::vocabulary::Vocabulary;
-use super::{Policy, PolicyError};
+use super::{Policy, PolicyError, companions, ensemble_folder};
 use crate::files::read_bounded;
 
 /// A policy and where it came from.
@@ -22,9 +31,10 @@ pub struct Loaded {
     pub policy: Arc<dyn Policy>,
     /// File name of the checkpoint without its extension.
     pub name: String,
-    pub format: Format,
+    /// `None` for a policy that comes from no file.
+    pub format: Option<Format>,
     pub checkpoint_path: PathBuf,
-    /// BLAKE3 of the checkpoint file, hexadecimal.
+    /// BLAKE3 of the checkpoint file and of what files beside it add to it, hexadecimal; empty if there is none.
     pub checkpoint_hash: String,
     /// `None` for families that scale for themselves.
     pub normaliser_path: Option<PathBuf>,
@@ -32,19 +42,126 @@ pub struct Loaded {
     pub normaliser_hash: Option<String>,
     /// Whatever was assumed because no file says it.
     pub warnings: Vec<String>,
+    /// For a set of experts: what each task is played with. Empty for a policy that plays all its tasks itself.
+    pub members: Vec<Member>,
+}
+
+/// One of a set of experts.
+#[derive(Debug, Clone)]
+pub struct Member {
+    pub task: String,
+    pub name: String,
+    pub checkpoint_path: PathBuf,
+    pub checkpoint_hash: String,
+    pub normaliser_path: Option<PathBuf>,
+    pub normaliser_hash: Option<String>,
+}
+
+/// Everything that belongs to one checkpoint, as it stands in the files: nothing is translated or built yet.
+pub(super) struct Parts {
+    pub(super) checkpoint: Checkpoint,
+    pub(super) checkpoint_hash: String,
+    pub(super) normaliser: Option<Normaliser>,
+    pub(super) normaliser_path: Option<PathBuf>,
+    pub(super) normaliser_hash: Option<String>,
+    /// `None`: the standard one.
+    pub(super) vocabulary: Option<Vocabulary>,
+    pub(super) warnings: Vec<String>,
+}
+
+/// What to give as normaliser for a policy that was trained without one. That cannot be seen in its file, so it is never
+/// assumed.
+pub const NO_NORMALISER: &str = "none";
+
+impl Loaded {
+    /// Uniformly random actions between −1 and 1, which need no file.
+    #[must_use]
+    pub fn random() -> Self {
+        let name = "random";
+        Self {
+            policy: Arc::new(UniformPolicy::new(1.0)),
+            name: name.to_owned(),
+            format: None,
+            checkpoint_path: name.into(),
+            checkpoint_hash: String::new(),
+            normaliser_path: None,
+            normaliser_hash: None,
+            warnings: Vec::new(),
+            members: Vec::new(),
+        }
+    }
 }
 
 /// Reads the policy in the file `path`. Its normaliser is `normaliser`, or the file beside the checkpoint that by
-/// custom holds it. A `vocabulary.json` in the same folder is heeded.
+/// custom holds it, or, if it is called [`NO_NORMALISER`], none. A `vocabulary.json`, an `args.json` and a run's settings
+/// in the same folder are heeded.
 pub fn open(path: &Path, normaliser: Option<&Path>) -> Result<Loaded, PolicyError> {
+    let Parts {
+        mut checkpoint,
+        checkpoint_hash,
+        mut normaliser,
+        normaliser_path,
+        normaliser_hash,
+        vocabulary,
+        mut warnings,
+    } = read_parts(path, normaliser)?;
+    let mut atomic = None;
+    if is_transformer(checkpoint.format) {
+        check_word_count(&checkpoint, vocabulary.as_ref()).map_err(in_file(path))?;
+        warnings.extend(assumptions(&checkpoint));
+        match vocabulary {
+            Some(vocabulary) if vocabulary.is_atomic() => atomic = Some(vocabulary),
+            Some(vocabulary) => {
+                let translated = translate(&vocabulary, &mut checkpoint, &mut normaliser);
+                warnings.push(translated.map_err(in_file(path))?);
+            }
+            None => {}
+        }
+    }
+    let (policy, checkpoint_hash) = if checkpoint.format == Format::EnsembleClassifier {
+        let opened = ensemble_folder::open(&checkpoint, path, &checkpoint_hash, &Limits::default());
+        let (policy, hash) = opened.map_err(in_file(path))?;
+        (Arc::new(policy) as Arc<dyn Policy>, hash)
+    } else {
+        let policy = load_with(&checkpoint, normaliser.as_ref(), atomic).map_err(in_file(path))?;
+        (policy, checkpoint_hash)
+    };
+    let always_by_means =
+        matches!(checkpoint.format, Format::WalkingExpert | Format::EnsembleClassifier);
+    if !policy.is_stochastic() && !always_by_means {
+        let text = "the checkpoint explores in a way its file does not fully describe; it can only \
+                    be played by its mean actions";
+        warnings.push(text.to_owned());
+    }
+    Ok(Loaded {
+        policy,
+        name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        format: Some(checkpoint.format),
+        checkpoint_path: path.to_path_buf(),
+        checkpoint_hash,
+        normaliser_path,
+        normaliser_hash,
+        warnings,
+        members: Vec::new(),
+    })
+}
+
+/// Reads everything that belongs to the checkpoint `path` and sees that it agrees.
+pub(super) fn read_parts(path: &Path, normaliser: Option<&Path>) -> Result<Parts, PolicyError> {
     let limits = Limits::default();
-    let (bytes, checkpoint_hash) = read(path, limits.file_bytes)?;
+    let (bytes, mut checkpoint_hash) = read(path, limits.file_bytes)?;
+    let package = read_package(&bytes, &limits).map_err(checkpoint_in_file(path))?;
+    if let Some(package) = package {
+        return parts_of_package(package, checkpoint_hash, path, normaliser);
+    }
     let mut checkpoint = read_checkpoint(&bytes, &limits).map_err(checkpoint_in_file(path))?;
     drop(bytes);
-    let mut warnings = Vec::new();
+    let mut warnings = companions::complete(&mut checkpoint, path, &mut checkpoint_hash, &limits)?;
 
-    let scales_for_itself = checkpoint.format == Format::NpgMlp;
+    let scales_for_itself = checkpoint.format.scales_for_itself();
+    let unscaled = normaliser.is_some_and(|path| path == Path::new(NO_NORMALISER));
     let normaliser_path = match normaliser {
+        Some(_) if unscaled => None,
         Some(path) => Some(path.to_path_buf()),
         None if scales_for_itself => None,
         None => {
@@ -57,45 +174,74 @@ pub fn open(path: &Path, normaliser: Option<&Path>) -> Result<Loaded, PolicyErro
         }
     };
     let mut normaliser_hash = None;
-    let mut normaliser = None;
+    let mut normaliser = unscaled.then(Normaliser::none);
     if let Some(path) = &normaliser_path {
         let (bytes, hash) = read(path, limits.file_bytes)?;
         normaliser = Some(read_normaliser(&bytes, &limits).map_err(checkpoint_in_file(path))?);
         normaliser_hash = Some(hash);
     }
 
-    if checkpoint.format == Format::ArnoldTransformer {
-        warnings.extend(assumptions(&checkpoint));
-        if let Some(vocabulary) = foreign_vocabulary(&path.with_file_name("vocabulary.json"))? {
-            let standard = Vocabulary::standard();
-            vocabulary
-                .translate_embeddings(&standard, &mut checkpoint.tensors)
-                .map_err(in_file(path))?;
-            if let Some(Normaliser::PerSignature(statistics)) = &mut normaliser {
-                vocabulary.translate_signatures(&standard, statistics);
-            }
-            warnings.push(format!(
-                "the checkpoint's vocabulary of {} words is not the standard one of {}; embeddings \
-                 were matched by word",
-                vocabulary.len(),
-                standard.len()
-            ));
+    let mut vocabulary = None;
+    if is_transformer(checkpoint.format) {
+        let arguments = arguments_beside(path)?;
+        let told = arguments.is_some();
+        warnings.extend(agreement::settle(&mut checkpoint, arguments).map_err(in_file(path))?);
+        warnings.extend(normaliser_path.as_ref().and_then(|other| steps_differ(path, other)));
+        vocabulary = foreign_vocabulary(&path.with_file_name("vocabulary.json"))?;
+        if told || vocabulary.is_some() {
+            checkpoint_hash = completed_hash(&checkpoint_hash, &checkpoint, vocabulary.as_ref());
         }
     }
-    let policy = load(&checkpoint, normaliser.as_ref()).map_err(in_file(path))?;
-    if !policy.is_stochastic() {
-        let text = "the checkpoint explores in a way its file does not fully describe; it can only \
-                    be played by its mean actions";
-        warnings.push(text.to_owned());
-    }
-    Ok(Loaded {
-        policy,
-        name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-        format: checkpoint.format,
-        checkpoint_path: path.to_path_buf(),
+    Ok(Parts {
+        checkpoint,
         checkpoint_hash,
+        normaliser,
         normaliser_path,
         normaliser_hash,
+        vocabulary,
+        warnings,
+    })
+}
+
+/// The same for a file that holds everything itself. A `normaliser` that is named counts instead of its own, and
+/// one that lies beside it only if it has none.
+fn parts_of_package(
+    package: Package,
+    checkpoint_hash: String,
+    path: &Path,
+    normaliser: Option<&Path>,
+) -> Result<Parts, PolicyError> {
+    let limits = Limits::default();
+    let Package { mut checkpoint, normaliser: own, vocabulary, .. } = package;
+    let vocabulary = vocabulary.map(Vocabulary::from_words).transpose().map_err(in_file(path))?;
+    let vocabulary = vocabulary.filter(|words| *words != Vocabulary::standard());
+    let mut warnings = Vec::new();
+    if is_transformer(checkpoint.format) {
+        warnings = agreement::settle(&mut checkpoint, None).map_err(in_file(path))?;
+    }
+    let scales_for_itself = checkpoint.format.scales_for_itself();
+    let unscaled = normaliser.is_some_and(|path| path == Path::new(NO_NORMALISER));
+    let beside = || normaliser_beside(path).into_iter().next();
+    let normaliser_path = match normaliser {
+        Some(_) if unscaled => None,
+        Some(path) => Some(path.to_path_buf()),
+        None if own.is_some() || scales_for_itself => None,
+        None => beside(),
+    };
+    let mut normaliser = if unscaled { Some(Normaliser::none()) } else { own };
+    let mut normaliser_hash = None;
+    if let Some(path) = &normaliser_path {
+        let (bytes, hash) = read(path, limits.file_bytes)?;
+        normaliser = Some(read_normaliser(&bytes, &limits).map_err(checkpoint_in_file(path))?);
+        normaliser_hash = Some(hash);
+    }
+    Ok(Parts {
+        checkpoint,
+        checkpoint_hash,
+        normaliser,
+        normaliser_path,
+        normaliser_hash,
+        vocabulary,
         warnings,
     })
 }
@@ -105,19 +251,47 @@ pub fn load(
     checkpoint: &Checkpoint,
     normaliser: Option<&Normaliser>,
 ) -> Result<Arc<dyn Policy>, PolicyError> {
+    load_with(checkpoint, normaliser, None)
+}
+
+/// The same for a policy whose words are whole descriptions.
+fn load_with(
+    checkpoint: &Checkpoint,
+    normaliser: Option<&Normaliser>,
+    atomic: Option<Vocabulary>,
+) -> Result<Arc<dyn Policy>, PolicyError> {
     Ok(match checkpoint.format {
-        Format::ArnoldTransformer => Arc::new(load_transformer(checkpoint, normaliser)?),
+        Format::ArnoldTransformer => {
+            let network = transformer_network(checkpoint, Transformer::from_tensors)?;
+            let speech = speech(checkpoint, normaliser, network.sizes().lags, atomic)?;
+            Arc::new(TransformerPolicy::speaking(network, speech))
+        }
+        Format::TemporalTransformer => {
+            let network = transformer_network(checkpoint, TemporalTransformer::from_tensors)?;
+            let speech = speech(checkpoint, normaliser, network.sizes().lags, atomic)?;
+            let recall = Recall::declared(&checkpoint.scalars.declared)?;
+            Arc::new(TemporalPolicy::new(network, speech, recall))
+        }
         Format::RecurrentPpo => Arc::new(load_recurrent(checkpoint, normaliser)?),
         Format::PpoMlp => {
-            let statistics = per_component(normaliser, "PPO perceptron")?;
-            let activation = checkpoint.scalars.activation;
-            Arc::new(MlpPolicy::ppo(&checkpoint.tensors, activation, statistics)?)
+            let normaliser = required(normaliser, Format::PpoMlp)?;
+            Arc::new(MlpPolicy::ppo(&checkpoint.tensors, &checkpoint.scalars, normaliser)?)
         }
-        Format::NpgMlp if normaliser.is_some() => {
-            let (format, expected, found) = ("natural-policy-gradient", "of its own", "another");
+        Format::SacMlp => {
+            let (tensors, scalars) = (&checkpoint.tensors, &checkpoint.scalars);
+            let normaliser = required(normaliser, Format::SacMlp)?;
+            Arc::new(MlpPolicy::soft_actor_critic(tensors, scalars, normaliser)?)
+        }
+        format if format.scales_for_itself() && normaliser.is_some() => {
+            let (format, expected, found) = (format.word(), "of its own", "another");
             return Err(PolicyError::WrongNormaliser { format, expected, found });
         }
         Format::NpgMlp => Arc::new(MlpPolicy::natural_policy_gradient(&checkpoint.tensors)?),
+        Format::WalkingExpert => Arc::new(WalkingPolicy::from_tensors(&checkpoint.tensors)?),
+        Format::EnsembleClassifier => {
+            let what = "the folder with the networks that it chooses between";
+            return Err(PolicyError::Missing { what });
+        }
     })
 }
 
@@ -126,21 +300,9 @@ pub(super) fn load_transformer(
     checkpoint: &Checkpoint,
     normaliser: Option<&Normaliser>,
 ) -> Result<TransformerPolicy, PolicyError> {
-    let format = "transformer";
-    let statistics = match normaliser {
-        Some(Normaliser::PerSignature(statistics)) => statistics.clone(),
-        Some(Normaliser::PerComponent(_)) => {
-            let (expected, found) = ("per token signature", "per component");
-            return Err(PolicyError::WrongNormaliser { format, expected, found });
-        }
-        None => return Err(PolicyError::MissingNormaliser { format }),
-    };
-    let network = Transformer::from_tensors(
-        &checkpoint.tensors,
-        head_count(checkpoint)?,
-        checkpoint.scalars.policy_outputs_variance.unwrap_or(true),
-    )?;
-    TransformerPolicy::new(network, statistics)
+    let network = transformer_network(checkpoint, Transformer::from_tensors)?;
+    let speech = speech(checkpoint, normaliser, network.sizes().lags, None)?;
+    Ok(TransformerPolicy::speaking(network, speech))
 }
 
 /// The recurrent policy in `checkpoint`, with access to its network.
@@ -149,7 +311,11 @@ pub(super) fn load_recurrent(
     normaliser: Option<&Normaliser>,
 ) -> Result<RecurrentPolicy, PolicyError> {
     let statistics = per_component(normaliser, "recurrent PPO")?;
-    RecurrentPolicy::from_tensors(&checkpoint.tensors, checkpoint.scalars.activation, statistics)
+    RecurrentPolicy::from_tensors(&checkpoint.tensors, &checkpoint.scalars, statistics)
+}
+
+fn required(normaliser: Option<&Normaliser>, format: Format) -> Result<&Normaliser, PolicyError> {
+    normaliser.ok_or(PolicyError::MissingNormaliser { format: format.word() })
 }
 
 fn per_component<'a>(
@@ -166,48 +332,6 @@ fn per_component<'a>(
     }
 }
 
-/// Number of attention heads: what the file says, else what the published models of that width have.
-fn head_count(checkpoint: &Checkpoint) -> Result<usize, PolicyError> {
-    if let Some(heads) = checkpoint.scalars.head_count {
-        return Ok(heads);
-    }
-    let name = "features_extractor.tokenizer.weight";
-    let [width, _] = Weights(&checkpoint.tensors).matrix_size(name)?;
-    Ok(if width >= 64 { 4 } else { 2 })
-}
-
-/// What the transformer's file does not say and is taken from the published models.
-fn assumptions(checkpoint: &Checkpoint) -> Vec<String> {
-    let mut assumptions = Vec::new();
-    if let (None, Ok(heads)) = (checkpoint.scalars.head_count, head_count(checkpoint)) {
-        assumptions.push(format!(
-            "the checkpoint does not say how many attention heads it has; {heads} are assumed"
-        ));
-    }
-    if checkpoint.scalars.policy_outputs_variance.is_none() {
-        let text = "the checkpoint does not say whether it scales its standard deviation per \
-                    muscle; it is assumed to";
-        assumptions.push(text.to_owned());
-    }
-    assumptions
-}
-
-/// The vocabulary in the file `path`, if there is one and it is not the standard one.
-fn foreign_vocabulary(path: &Path) -> Result<Option<Vocabulary>, PolicyError> {
-    /// A list of some thousand words is far below this.
-    const LARGEST_VOCABULARY: u64 = 1 << 20;
-    if !path.is_file() {
-        return Ok(None);
-    }
-    let bytes = read_bounded(path, LARGEST_VOCABULARY)?;
-    let vocabulary = Vocabulary::from_json(&bytes).map_err(in_file(path))?;
-    if vocabulary.is_atomic() {
-        let what = "one embedding per sensor (atomic vocabulary)".to_owned();
-        return Err(in_file(path)(PolicyError::Unsupported { what }));
-    }
-    Ok((vocabulary != Vocabulary::standard()).then_some(vocabulary))
-}
-
 /// The content of a file and its BLAKE3.
 fn read(path: &Path, limit: u64) -> Result<(Vec<u8>, String), PolicyError> {
     let bytes = read_bounded(path, limit)?;
@@ -215,7 +339,8 @@ fn read(path: &Path, limit: u64) -> Result<(Vec<u8>, String), PolicyError> {
     Ok((bytes, hash))
 }
 
-fn in_file(path: &Path) -> impl Fn(PolicyError) -> PolicyError {
+/// Attaches the path to an error.
+pub(super) fn in_file(path: &Path) -> impl Fn(PolicyError) -> PolicyError {
     move |source| PolicyError::InFile { source: Box::new(source), path: path.to_path_buf() }
 }
 
@@ -267,6 +392,7 @@ mod tests {
             clean_observation_length: observation_length,
             observation_words: Vec::new(),
             action_words: Vec::new(),
+            muscle_models: Vec::new(),
         }
     }
 

@@ -2,13 +2,23 @@
 //!
 //! [`open`] reads a checkpoint and its normaliser and returns a [`Policy`]; bound to a task, it becomes an [`Actor`].
 
+mod agreement;
 pub mod checkpoint;
+mod companions;
+mod ensemble_folder;
+pub mod expert_table;
+mod experts;
+pub mod export;
 mod history;
 pub mod interface;
 mod loading;
 pub mod network;
 mod normaliser;
 pub mod policies;
+pub mod running_statistics;
+pub mod shelf;
+mod speech;
+mod transformer_files;
 pub mod verify;
 pub mod vocabulary;
 
@@ -16,8 +26,9 @@ use std::path::PathBuf;
 
 use crate::files::FileError;
 use checkpoint::CheckpointError;
-pub use interface::{Actor, ObservationVariant, Policy, TaskInterface};
-pub use loading::{Loaded, load, open};
+pub use experts::open_experts;
+pub use interface::{Actor, ObservationVariant, Policy, Sampling, TaskInterface};
+pub use loading::{Loaded, Member, NO_NORMALISER, load, open};
 
 /// Why a policy cannot be read or played.
 #[derive(Debug, thiserror::Error)]
@@ -43,10 +54,43 @@ pub enum PolicyError {
     NormaliserValues,
     #[error("word {word} is not in the policy's vocabulary of {vocabulary} words")]
     UnknownWord { word: u16, vocabulary: usize },
+    #[error("the policy has words of their own for {trained}; none for task `{task}`")]
+    UntrainedTask { task: String, trained: String },
     #[error("the vocabulary cannot be used: {what}")]
     Vocabulary { what: String },
     #[error("the checkpoint does not say {what}, which cannot be guessed")]
     Missing { what: &'static str },
+    #[error("it holds no arguments of a run: {fault}")]
+    Arguments { fault: String },
+    #[error("{source_name} says {what}: {said}, but it is {found}")]
+    Contradiction { source_name: &'static str, what: &'static str, said: String, found: String },
+    #[error("the policy has no embedding for `{description}`")]
+    UnknownDescription { description: String },
+    #[error(
+        "the normaliser has never seen {unknown} of the {sensors} sensors of task `{task}`, which the policy was \
+         trained on: it belongs to another run"
+    )]
+    ForeignNormaliser { unknown: usize, sensors: usize, task: String },
+    #[error("`{path}` exists already and is another file")]
+    Exists { path: PathBuf },
+    #[error("what was written does not read as what was meant")]
+    NotTheSame,
+    #[error("there is no policy `{name}`: looked for {looked}")]
+    NotFound { name: String, looked: String },
+    #[error("`{name}` may be one of several: {runs}")]
+    SeveralRuns { name: String, runs: String },
+    #[error("there is no checkpoint in the folder `{folder}`")]
+    NoCheckpoint { folder: PathBuf },
+    #[error("it is no table of experts: {fault}")]
+    ExpertTable { fault: String },
+    #[error("there is no expert to play `{task}`: {reason}")]
+    NoExpert { task: String, reason: String },
+    #[error("there is no folder `{folder}`")]
+    NoExpertFolder { folder: PathBuf },
+    #[error("the expert should be {declared} and is {found}, in `{folder}`")]
+    OtherExpert { folder: PathBuf, declared: String, found: String },
+    #[error("none of the experts can be opened; their folder is `{folder}`{reasons}")]
+    NoExperts { reasons: String, folder: PathBuf },
     #[error("not supported: {what}")]
     Unsupported { what: String },
     #[error(transparent)]

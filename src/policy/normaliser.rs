@@ -9,7 +9,7 @@ use super::PolicyError;
 use super::checkpoint::contents::{ComponentStatistics, SignatureStatistics};
 
 /// Weight of the prior (mean 0, variance 1) that the reference merges into every row when it loads statistics.
-const PRIOR_COUNT: f64 = 1e-4;
+pub(super) const PRIOR_COUNT: f64 = 1e-4;
 
 /// Normaliser of a plain vector, one pair of statistics per component.
 #[derive(Debug, Clone)]

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 use super::PolicyError;
 use super::checkpoint::contents::{SignatureStatistics, Tensor, TensorMap};
+use crate::files::printable;
 
 /// Ids are positions. Checkpoints depend on the order: never change it, only append.
 #[rustfmt::skip]
@@ -61,14 +62,15 @@ impl Vocabulary {
     pub fn from_json(bytes: &[u8]) -> Result<Self, PolicyError> {
         let fail = |what: String| PolicyError::Vocabulary { what };
         let ids: BTreeMap<String, u16> =
-            serde_json::from_slice(bytes).map_err(|error| fail(error.to_string()))?;
+            serde_json::from_slice(bytes).map_err(|error| fail(printable(&error.to_string())))?;
         let mut words = vec![String::new(); ids.len()];
         let mut taken = vec![false; ids.len()];
         for (word, &id) in &ids {
             let place = usize::from(id);
             if taken.get(place) != Some(&false) {
                 return Err(fail(format!(
-                    "id {id} of word `{word}` leaves a gap or is used twice"
+                    "id {id} of word `{}` leaves a gap or is used twice",
+                    printable(word)
                 )));
             }
             taken[place] = true;
@@ -104,6 +106,32 @@ impl Vocabulary {
         self.words.get(usize::from(id)).map(String::as_str)
     }
 
+    /// The words in the order of their ids.
+    #[must_use]
+    pub fn words(&self) -> &[String] {
+        &self.words
+    }
+
+    /// The vocabulary whose ids are the positions in `words`, no two of which may be the same.
+    pub fn from_words(words: Vec<String>) -> Result<Self, PolicyError> {
+        let fail = |what: String| PolicyError::Vocabulary { what };
+        let mut ids = BTreeMap::new();
+        for (id, word) in words.iter().enumerate() {
+            let id = u16::try_from(id).map_err(|_| fail("it has too many words".to_owned()))?;
+            if ids.insert(word.clone(), id).is_some() {
+                return Err(fail(format!("word `{word}` occurs twice")));
+            }
+        }
+        Ok(Self { words, ids })
+    }
+
+    /// Words of `target` that this one lacks, in their order.
+    #[must_use]
+    pub fn missing<'a>(&self, target: &'a Vocabulary) -> Vec<&'a str> {
+        let words = target.words.iter().map(String::as_str);
+        words.filter(|word| !self.ids.contains_key(*word)).collect()
+    }
+
     /// Rewrites the embeddings of a checkpoint that was trained with `self` so that they are addressed with the ids
     /// of `target`: every word keeps its trained row, words new to the checkpoint get the padding row.
     pub(super) fn translate_embeddings(
@@ -113,7 +141,7 @@ impl Vocabulary {
     ) -> Result<(), PolicyError> {
         tensors
             .iter_mut()
-            .filter(|(name, _)| name.ends_with("positional_encoder.embedding.weight"))
+            .filter(|(name, _)| is_table(name))
             .try_for_each(|(name, tensor)| self.translate_rows(target, name, tensor))
     }
 
@@ -159,6 +187,15 @@ impl Vocabulary {
     }
 }
 
+/// Whether a tensor holds one row per word: the shared table, learned or fixed, or one task's own.
+fn is_table(name: &str) -> bool {
+    let table = name.split_once("positional_encoder.").map(|(_, table)| table);
+    table.is_some_and(|table| {
+        matches!(table, "embedding" | "embedding.weight")
+            || (table.starts_with("task_embeddings.") && table.ends_with(".weight"))
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -177,6 +214,27 @@ mod tests {
         for text in [r#"{"a": 0, "b": 2}"#, r#"{"a": 0, "b": 0}"#, r#"{"a": -1}"#, "[]"] {
             assert!(Vocabulary::from_json(text.as_bytes()).is_err(), "{text}");
         }
+    }
+
+    #[test]
+    fn every_kind_of_table_is_recognised() {
+        let prefix = "pi_features_extractor.positional_encoder";
+        for table in ["embedding", "embedding.weight", "task_embeddings.pen.weight"] {
+            assert!(is_table(&format!("{prefix}.{table}")), "{table}");
+        }
+        for other in ["features_extractor.tokenizer.weight", "a.positional_encoder.embedding.bias"]
+        {
+            assert!(!is_table(other), "{other}");
+        }
+    }
+
+    #[test]
+    fn a_word_twice_is_refused() {
+        let words = |words: &[&str]| words.iter().map(|&word| word.to_owned()).collect();
+        assert!(Vocabulary::from_words(words(&["a", "b", "a"])).is_err());
+        let small = Vocabulary::from_words(words(&["a", "b"])).unwrap();
+        let large = Vocabulary::from_words(words(&["c", "b", "a"])).unwrap();
+        assert_eq!(small.missing(&large), ["c"]);
     }
 
     #[test]

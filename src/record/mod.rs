@@ -1,22 +1,84 @@
-//! The archive: tables on disk.
+//! The archive: tables and recordings on disk, and readers of published result files.
+//!
+//! A [`Table`] holds the numbers of an analysis. A [`Recording`] holds every step of many episodes; [`read_recording`] and
+//! [`write_recording`] know the formats it can have.
 
+mod benchmarks;
+mod crc32c;
 mod csv;
+mod csv_reader;
+mod events;
+#[cfg_attr(
+    not(any(feature = "parquet", feature = "mcap", feature = "hdf5")),
+    expect(unused, clippy::needless_pass_by_value, reason = "no format is built in")
+)]
+mod format;
+#[cfg(feature = "hdf5")]
+pub mod hdf5;
+#[cfg_attr(
+    not(any(feature = "parquet", feature = "mcap")),
+    expect(unused, reason = "no format that has one is built in")
+)]
+mod header;
+#[cfg(feature = "mcap")]
+mod mcap;
+#[cfg(feature = "mcap")]
+mod mcap_chunk;
+#[cfg(feature = "mcap")]
+mod mcap_message;
+#[cfg(feature = "mcap")]
+mod mcap_summary;
+#[cfg(feature = "parquet")]
 mod parquet;
+#[cfg_attr(
+    not(any(feature = "parquet", feature = "mcap", feature = "hdf5")),
+    expect(unused, reason = "no format is built in")
+)]
+mod place;
+pub mod profiles;
+mod protobuf;
+pub mod recording;
+#[cfg(feature = "parquet")]
+mod recording_parquet;
+mod result_files;
+mod subspace_curves;
 mod table;
 
 use std::path::PathBuf;
 
+pub use benchmarks::{
+    Benchmark, BenchmarkEntry, BenchmarkTree, SeedResult, read_benchmark, read_benchmark_tree,
+    read_merged_benchmarks, read_selection,
+};
+pub use crc32c::{crc32c, masked_crc32c};
 pub use csv::{to_csv, write_csv};
+pub use csv_reader::read_csv;
+pub use events::{
+    Damage, DamageReason, EventScalars, ScalarPoint, ScalarSeries, read_event_file,
+    read_event_files, read_event_run,
+};
+pub use format::{
+    Format, Opened, Summary, may_be_recording, read_recording, summarise, write_recording,
+};
+#[cfg(feature = "parquet")]
 pub use parquet::{read_parquet, write_parquet};
+pub use place::Place;
+pub use recording::{
+    About, Channel, Element, Episode, EpisodeFacts, Precision, Recording, Samples, Seeds, Stacked,
+    Timing, names,
+};
+pub use subspace_curves::{SubspacePoint, read_subspace_curves};
 pub use table::{Column, Table, Values};
 
 use crate::files::FileError;
 
-/// Why a table cannot be made, written or read.
+/// Why a table or a recording cannot be made, written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
     #[error(transparent)]
     File(#[from] FileError),
+    #[error(transparent)]
+    Array(#[from] crate::npz::ArrayError),
     #[error("column `{column}` has {found} rows, the first column has {expected}")]
     RowCount { column: String, expected: usize, found: usize },
     #[error("there are two columns called `{column}`")]
@@ -25,6 +87,30 @@ pub enum RecordError {
     ReservedKey { key: String },
     #[error("column `{column}` holds {found}, which no table of this program holds, in `{path}`")]
     UnknownType { column: String, found: String, path: PathBuf },
+    #[cfg(feature = "parquet")]
     #[error("cannot write or read the Parquet table `{path}`: {source}")]
     Parquet { path: PathBuf, source: polars::error::PolarsError },
+    /// An array that does not fit, a name that is there twice.
+    #[error("{what}")]
+    Inconsistent { what: String },
+    /// The format was recognised, the content makes no sense.
+    #[error("not a readable {format} recording: {what}, in `{path}`")]
+    Damaged { format: &'static str, what: String, path: PathBuf },
+    /// A Parquet or MCAP file of another kind.
+    #[error("the file holds no recording of this program: `{path}`")]
+    NoRecording { path: PathBuf },
+    #[error("no format of a recording is known that begins as this file does: `{path}`")]
+    UnknownFormat { path: PathBuf },
+    #[error("this program was built without {format}, which is the format of `{path}`")]
+    NotBuilt { format: &'static str, path: PathBuf },
+    #[error("{format} recordings cannot hold {what}")]
+    CannotHold { format: &'static str, what: String },
+    #[error("`{path}` exists already and is not overwritten")]
+    Exists { path: PathBuf },
+    #[error("no file `{pattern}` in `{path}`")]
+    NoEpisodes { pattern: String, path: PathBuf },
+    #[error("{place}: {what}, in `{path}`")]
+    Malformed { place: String, what: String, path: PathBuf },
+    #[error("there is no file {what} in `{path}`")]
+    NoFiles { what: String, path: PathBuf },
 }

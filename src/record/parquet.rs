@@ -20,13 +20,13 @@ use super::{Column, RecordError, Table, Values};
 use crate::files;
 
 /// Metadata key of the columns' units.
-const UNITS: &str = "units";
+pub(super) const UNITS: &str = "units";
 /// Metadata key that the Parquet library keeps the Arrow schema under.
-const ARROW_SCHEMA: &str = "ARROW:schema";
+pub(super) const ARROW_SCHEMA: &str = "ARROW:schema";
 /// Rows per row group.
 const ROW_GROUP: usize = 1 << 18;
 /// No table file may be larger than this.
-const LARGEST_FILE: u64 = 4 << 30;
+pub(super) const LARGEST_FILE: u64 = 4 << 30;
 
 /// Writes `table` to `path`, with `metadata` in the file.
 pub fn write_parquet(
@@ -123,6 +123,10 @@ fn load(stored: &Stored) -> Result<Option<Values>, PolarsError> {
     Ok(match stored.dtype() {
         DataType::Float64 => {
             let values = stored.f64()?.iter().map(|x| x.unwrap_or(f64::NAN));
+            Some(Values::Floats(values.collect()))
+        }
+        DataType::Float32 => {
+            let values = stored.f32()?.iter().map(|x| x.map_or(f64::NAN, f64::from));
             Some(Values::Floats(values.collect()))
         }
         _ if stored.null_count() > 0 => None,

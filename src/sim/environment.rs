@@ -139,6 +139,7 @@ impl Environment {
                 .iter()
                 .map(|phrase| ids(phrase))
                 .collect(),
+            muscle_models: self.simulation.muscle_models(),
         }
     }
 
@@ -148,7 +149,16 @@ impl Environment {
         match variant {
             ObservationVariant::Muscle => self.task.layout().len(),
             ObservationVariant::Clean => self.clean_indices.len(),
+            ObservationVariant::CleanAndMuscles => {
+                self.clean_indices.len() + 2 * self.simulation.muscle_length().len()
+            }
         }
+    }
+
+    /// The newest observation: everything in the task's [`super::layout::Layout`].
+    #[must_use]
+    pub fn observation(&self) -> &[f64] {
+        &self.observation
     }
 
     /// The newest observation in single precision, as every policy gets it.
@@ -164,7 +174,22 @@ impl Environment {
                     *to = self.observation[index] as f32;
                 }
             }
+            ObservationVariant::CleanAndMuscles => {
+                let (clean, muscles) = into.split_at_mut(self.clean_indices.len());
+                self.read_observation(ObservationVariant::Clean, clean);
+                let body = &self.simulation;
+                let state = body.muscle_length().iter().chain(body.muscle_velocity());
+                for (to, &from) in muscles.iter_mut().zip(state) {
+                    *to = from as f32;
+                }
+            }
         }
+    }
+
+    /// The newest numbers of the observation's block `key`, e.g. `feet_contact_force`, as the body's sensors give them.
+    #[must_use]
+    pub fn block(&self, key: &str) -> Option<&[f64]> {
+        self.task.layout().range(key).map(|range| &self.observation[range])
     }
 
     /// Reward components of the last step, in the order of [`Task::components`].
@@ -213,9 +238,8 @@ impl Environment {
     pub fn step_excited(&mut self) -> StepOutcome {
         self.task.before_step(&mut self.simulation);
         let diverged = self.advance_physics();
+        let Verdict { solved, done } = self.task.judge(&self.simulation, &mut self.components);
         self.task.observe(&self.simulation, &mut self.observation);
-        let Verdict { solved, done } =
-            self.task.judge(&self.simulation, &self.observation, &mut self.components);
         self.step += 1;
         let reward = self.weights.iter().map(|&(index, w)| w * self.components[index]).sum();
         StepOutcome {
@@ -245,7 +269,8 @@ impl Environment {
             simulation.forward_without_actuation();
         }
         match self.definition.stepping {
-            Stepping::Split => simulation.forward(),
+            Stepping::Split if diverged => simulation.forward(),
+            Stepping::Split => simulation.forward_after_first_half(),
             // The published code asks for positions once for the reward and once for the observation. The second time is
             // not idle: each normalises the root's quaternion in place, and in 2.3.7 that can move its last bit.
             Stepping::Whole => {

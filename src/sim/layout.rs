@@ -25,6 +25,8 @@ pub struct Layout {
 pub struct Unworded {
     /// The key in the published observation dictionary.
     pub key: &'static str,
+    /// Unit of the elements, for people.
+    pub unit: &'static str,
     /// Number of elements.
     pub length: usize,
 }
@@ -46,6 +48,12 @@ impl Layout {
     #[must_use]
     pub fn blocks(&self) -> &[Block] {
         &self.blocks
+    }
+
+    /// What only the clean observation shows.
+    #[must_use]
+    pub fn clean_only(&self) -> &[Unworded] {
+        &self.clean_only
     }
 
     /// Number of elements of the muscle observation.

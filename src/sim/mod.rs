@@ -11,6 +11,7 @@ pub mod environment;
 pub mod layout;
 pub mod muscles;
 pub mod random;
+pub mod recording;
 pub mod rollout;
 pub mod rotation;
 pub mod tasks;

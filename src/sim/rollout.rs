@@ -9,14 +9,16 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::analysis::subspace::Projection;
-use crate::policy::{Actor, Policy, PolicyError};
+use crate::policy::{Actor, Policy, PolicyError, Sampling};
 
 use super::bodies::Bodies;
-use super::engine::{EngineError, Names};
+use super::engine::EngineError;
 use super::environment::Environment;
-use super::muscles;
 use super::random::Random;
+use super::recording::{self, Recorder};
 use super::tasks::{Definition, RewardConfiguration};
+
+pub use super::recording::{ChannelNames, Channels, Recording};
 
 /// Why a rollout could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -72,17 +74,6 @@ pub struct EpisodeSpec {
     pub projection: Option<usize>,
 }
 
-/// Which per-step channels are kept (`spec/analysis.md` §0.3).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Channels {
-    /// None: only what is counted.
-    Counts,
-    /// The mean of the action distribution, for subspaces.
-    ActionMeans,
-    /// All.
-    All,
-}
-
 /// What to play.
 #[derive(Clone)]
 pub struct RolloutPlan<'a> {
@@ -113,25 +104,6 @@ pub struct Machine {
     pub batch: usize,
 }
 
-/// Per-step channels of one episode, row-major with one row per step. Empty where not asked for.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Recording {
-    /// Mean of the action distribution, before sampling and clipping.
-    pub action_mean: Vec<f32>,
-    /// What was sent to the body.
-    pub action: Vec<f32>,
-    /// Muscle excitation, 0..1.
-    pub excitation: Vec<f64>,
-    /// Muscle activation after the step, 0..1.
-    pub activation: Vec<f64>,
-    /// Joint angles after the step, rad.
-    pub joints: Vec<f64>,
-    /// Whether the step counts as solved.
-    pub solved: Vec<bool>,
-    /// Reward of the step.
-    pub reward: Vec<f64>,
-}
-
 /// One played episode.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Episode {
@@ -149,15 +121,6 @@ pub struct Episode {
     pub diverged_steps: usize,
     /// Per-step channels.
     pub recording: Recording,
-}
-
-/// Names of what a recording's columns mean.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ChannelNames {
-    /// Muscles, in the order of actions.
-    pub muscles: Vec<String>,
-    /// Joints of the body, in the order of [`Recording::joints`].
-    pub joints: Vec<String>,
 }
 
 /// Plays `specs` and returns the episodes in their order. `on_episode` is called from the worker threads as episodes end.
@@ -204,27 +167,7 @@ pub fn channel_names(
     task: &'static Definition,
 ) -> Result<ChannelNames, RolloutError> {
     let environment = Environment::new(task, &machine.bodies, RewardConfiguration::Sparse)?;
-    let joints = joint_columns(&environment).into_iter().map(|(name, _)| name).collect();
-    Ok(ChannelNames { muscles: environment.muscles(), joints })
-}
-
-/// The body's own joints (not those of objects) with their places in `qpos`.
-fn joint_columns(environment: &Environment) -> Vec<(String, usize)> {
-    let simulation = environment.simulation();
-    let observed: std::collections::BTreeSet<&str> = environment
-        .task()
-        .layout()
-        .phrases()
-        .filter(|phrase| phrase.last().is_some_and(|word| word == "joint"))
-        .map(|phrase| phrase[0].as_str())
-        .collect();
-    simulation
-        .names_of(Names::Joint)
-        .into_iter()
-        .enumerate()
-        .filter(|(_, name)| observed.contains(name.as_str()))
-        .map(|(joint, name)| (name, simulation.joint_qpos_address(joint)))
-        .collect()
+    Ok(recording::names_of(&environment))
 }
 
 /// A thread's bodies and everything they need, allocated once.
@@ -232,7 +175,7 @@ struct Worker {
     environments: Vec<Environment>,
     slots: Vec<Slot>,
     actor: Box<dyn Actor>,
-    joint_addresses: Vec<usize>,
+    recorder: Recorder,
     observation_length: usize,
     muscles: usize,
     // Rows for the bodies that are playing.
@@ -260,14 +203,15 @@ impl Worker {
         let environments: Vec<Environment> =
             (0..batch).map(|_| template.duplicate(plan.rewards)).collect::<Result<_, _>>()?;
         let interface = template.interface();
-        let observation_length = template.observation_length(plan.policy.variant());
+        let observation_length =
+            template.observation_length(plan.policy.variant_in(plan.task.name));
         let muscles = interface.muscle_count;
         Ok(Self {
             slots: (0..batch)
                 .map(|_| Slot { index: 0, action_random: Random::new([0; 32]), episode: None })
                 .collect(),
             actor: plan.policy.bind(&interface, batch)?,
-            joint_addresses: joint_columns(template).into_iter().map(|(_, at)| at).collect(),
+            recorder: Recorder::new(template, plan.channels),
             observation_length,
             muscles,
             playing: Vec::with_capacity(batch),
@@ -292,7 +236,7 @@ impl Worker {
                 if self.slots[slot].episode.is_none() {
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     if let Some(spec) = specs.get(index) {
-                        self.begin(plan, slot, index, *spec);
+                        self.begin(slot, index, *spec);
                     }
                 }
             }
@@ -311,21 +255,9 @@ impl Worker {
         }
     }
 
-    fn begin(&mut self, plan: &RolloutPlan<'_>, slot: usize, index: usize, spec: EpisodeSpec) {
+    fn begin(&mut self, slot: usize, index: usize, spec: EpisodeSpec) {
         self.environments[slot].reset(&mut Random::new(spec.reset_seed));
         self.actor.reset(slot);
-        let (horizon, muscles) = (plan.task.horizon, self.muscles);
-        let kept = |keep: bool, width: usize| if keep { horizon * width } else { 0 };
-        let all = plan.channels == Channels::All;
-        let recording = Recording {
-            action_mean: Vec::with_capacity(kept(plan.channels != Channels::Counts, muscles)),
-            action: Vec::with_capacity(kept(all, muscles)),
-            excitation: Vec::with_capacity(kept(all, muscles)),
-            activation: Vec::with_capacity(kept(all, muscles)),
-            joints: Vec::with_capacity(kept(all, self.joint_addresses.len())),
-            solved: Vec::with_capacity(kept(all, 1)),
-            reward: Vec::with_capacity(kept(all, 1)),
-        };
         self.slots[slot] = Slot {
             index,
             action_random: Random::new(spec.action_seed),
@@ -336,7 +268,7 @@ impl Worker {
                 reward: 0.0,
                 terminated: false,
                 diverged_steps: 0,
-                recording,
+                recording: self.recorder.begin(),
             }),
         };
     }
@@ -346,7 +278,7 @@ impl Worker {
         let (rows, length) = (self.playing.len(), self.observation_length);
         for (row, &slot) in self.playing.iter().enumerate() {
             let into = &mut self.observations[row * length..][..length];
-            self.environments[slot].read_observation(plan.policy.variant(), into);
+            self.environments[slot].read_observation(plan.policy.variant_in(plan.task.name), into);
         }
         let deviations = (plan.mode == ActionMode::Stochastic)
             .then_some(&mut self.deviations[..rows * self.muscles]);
@@ -366,8 +298,17 @@ impl Worker {
         let playing = episode.as_mut()?;
         self.action.copy_from_slice(means);
         if plan.mode == ActionMode::Stochastic {
-            for (action, &deviation) in self.action.iter_mut().zip(&self.deviations[columns]) {
-                *action += deviation * action_random.normal() as f32;
+            match self.actor.sampling() {
+                Sampling::Gaussian => {
+                    let deviations = &self.deviations[columns];
+                    let mut normal = || action_random.normal();
+                    self.actor.sample(slot, deviations, &mut self.action, &mut normal);
+                }
+                Sampling::Uniform { half_width } => {
+                    for action in &mut self.action {
+                        *action += half_width * action_random.uniform(-1.0, 1.0) as f32;
+                    }
+                }
             }
         }
         if self.actor.clips_actions() {
@@ -384,25 +325,13 @@ impl Worker {
             plan.projections[projection].apply(&mut self.action, &mut self.projection_scratch);
         }
         let environment = &mut self.environments[slot];
+        self.recorder.before_step(environment, means, &mut playing.recording);
         let outcome = environment.step(&self.action);
+        self.recorder.after_step(environment, &self.action, &outcome, &mut playing.recording);
         playing.steps += 1;
         playing.solved_steps += usize::from(outcome.solved);
         playing.reward += outcome.reward;
         playing.diverged_steps += usize::from(outcome.diverged);
-        let recording = &mut playing.recording;
-        if plan.channels != Channels::Counts {
-            recording.action_mean.extend_from_slice(means);
-        }
-        if plan.channels == Channels::All {
-            let simulation = environment.simulation();
-            recording.action.extend_from_slice(&self.action);
-            recording.excitation.extend(self.action.iter().map(|&a| muscles::excitation(a)));
-            recording.activation.extend_from_slice(simulation.activation());
-            let qpos = simulation.qpos();
-            recording.joints.extend(self.joint_addresses.iter().map(|&at| qpos[at]));
-            recording.solved.push(outcome.solved);
-            recording.reward.push(outcome.reward);
-        }
         if outcome.ended() {
             playing.terminated = outcome.terminated;
             return episode.take();

@@ -6,6 +6,7 @@
 #![allow(dead_code, reason = "every test binary uses another part of this")]
 
 pub(crate) mod bench;
+pub(crate) mod cases;
 #[cfg(all(feature = "sim", feature = "parquet", feature = "figures"))]
 pub(crate) mod physics;
 
@@ -40,6 +41,11 @@ pub(crate) fn data_folder() -> PathBuf {
 /// A folder of published checkpoints, beside that of the recordings, if it is here.
 pub(crate) fn checkpoints(name: &str) -> Option<PathBuf> {
     existing(golden_root().join("../checkpoints").join(name))
+}
+
+/// A folder of published data, beside that of the recordings, if it is here.
+pub(crate) fn published(name: &str) -> Option<PathBuf> {
+    existing(golden_root().join("../data").join(name))
 }
 
 /// The published recurrent Baoding policy, if it is here.

@@ -53,7 +53,8 @@ const EPISODES: usize = 100;
 
 /// Runs the command.
 pub fn run(context: &Context, arguments: &CsiArguments) -> anyhow::Result<Outcome> {
-    let defaults = Defaults { episodes: EPISODES, mode: Some(ActionMode::Stochastic) };
+    let defaults =
+        Defaults { tasks: "all", episodes: EPISODES, mode: Some(ActionMode::Stochastic) };
     let laboratory = Laboratory::open(context, &arguments.play, defaults)?;
     let options = CsiOptions {
         episodes: laboratory.episodes,

@@ -6,12 +6,14 @@
 use clap::Args;
 use serde_json::json;
 
-use super::setup::state_of;
+use super::{data_sets, setup::state_of};
+use crate::assets::data::{DataError, DataFolder, DataSet, catalogue};
 use crate::assets::pip::Pip;
 use crate::assets::{AssetError, Cache, Part, SETUP_COMMAND, platform};
 use crate::cli::context::{Context, Outcome};
 use crate::cli::default_policy::{self, Origin};
 use crate::cli::render::{self, Align, Hinted};
+use crate::policy::shelf;
 
 /// Arguments of `doctor`.
 #[derive(Debug, Args)]
@@ -67,10 +69,9 @@ pub fn run(context: &Context, _arguments: &DoctorArguments) -> anyhow::Result<Ou
             .map(|f| vec![f.what.clone(), f.state.to_owned(), f.detail.clone()])
             .collect();
         let mut text = render::table(&columns, &rows);
-        for finding in &findings {
-            if let Some(remedy) = &finding.remedy {
-                text.extend(["\n", &finding.what, ": ", remedy, "\n"]);
-            }
+        let mended = findings.iter().filter_map(|f| Some((&f.what, f.remedy.as_ref()?)));
+        for (index, (what, remedy)) in mended.enumerate() {
+            text.extend([if index == 0 { "\n" } else { "" }, what, ": ", remedy, "\n"]);
         }
         render::print_text(&text)?;
     }
@@ -93,8 +94,14 @@ fn examine(context: &Context, cache: &Cache) -> Vec<Finding> {
     findings.extend(Part::ALL.map(|part| part_finding(cache, part)));
     findings.push(policy_finding(context, cache));
     findings.push(data_finding(context));
+    let data = DataFolder::at(&context.data);
+    findings.extend(catalogue::ALL.iter().map(|set| data_set_finding(&data, set)));
     findings.push(match Pip::find() {
-        Some(pip) => Finding::good("pip", "found", format!("{} ({})", pip.command(), pip.version)),
+        Some(pip) => {
+            // The rest of what pip says is where it lies.
+            let version = pip.version.split(" from ").next().unwrap_or_default();
+            Finding::good("pip", "found", format!("{} ({version})", pip.command()))
+        }
         None => Finding::good("pip", "missing", "neither pip nor uv can be run").mended_by(format!(
             "`apt-get install python3-pip`, or take wheels from a folder: `{SETUP_COMMAND} --from DIR`"
         )),
@@ -124,7 +131,7 @@ fn part_finding(cache: &Cache, part: Part) -> Finding {
 fn policy_finding(context: &Context, cache: &Cache) -> Finding {
     let what = "default policy";
     match default_policy::choose(&context.data, cache) {
-        Ok((path, Origin::Variable)) if !path.is_file() => {
+        Ok((path, Origin::Variable)) if shelf::find(&path, &context.data).is_err() => {
             Finding::good(what, "missing", format!("$ARNOLD_POLICY, {}", path.display()))
                 .mended_by("set `ARNOLD_POLICY` to a checkpoint that exists, or unset it")
                 .broken_if(true)
@@ -138,7 +145,24 @@ fn policy_finding(context: &Context, cache: &Cache) -> Finding {
     }
 }
 
-/// The published data sets. Nothing needs them to start, so a missing folder is no fault.
+/// One published data set: whether it is there, and what for.
+fn data_set_finding(data: &DataFolder, set: &DataSet<'_>) -> Finding {
+    let verified = data.verify(set);
+    let purpose = match &verified {
+        Ok(receipt) => format!("{} files, {}", receipt.files.len(), set.purpose),
+        Err(DataError::Damaged { reason, path, .. }) => format!("{reason} in `{}`", path.display()),
+        Err(_) => format!("{}, {}", set.purpose, data_sets::size(set.bytes())),
+    };
+    let finding =
+        Finding::good(format!("data set {}", set.name), data_sets::state_of(&verified), purpose);
+    match verified {
+        Ok(_) => finding,
+        Err(error @ DataError::Damaged { .. }) => finding.mended_by(error.hint()).broken_if(true),
+        Err(error) => finding.mended_by(error.hint()),
+    }
+}
+
+/// The data folder. Nothing needs it to start, so a missing folder is no fault.
 fn data_finding(context: &Context) -> Finding {
     let folder = &context.data;
     match std::fs::read_dir(folder) {
@@ -152,7 +176,7 @@ fn data_finding(context: &Context) -> Finding {
             Finding::good("data", "found", format!("{}: {held}", folder.display()))
         }
         Err(_) => Finding::good("data", "missing", folder.display().to_string()).mended_by(
-            "nothing needs it to start; unpack published archives there, or name another with \
+            "nothing needs it to start; `setup` puts published data sets there, or name another with \
              `--data DIR` or `ARNOLD_DATA`",
         ),
     }

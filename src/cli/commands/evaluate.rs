@@ -22,7 +22,7 @@ const EPISODES: usize = 200;
 
 /// Runs the command.
 pub fn run(context: &Context, arguments: &EvaluateArguments) -> anyhow::Result<Outcome> {
-    let defaults = Defaults { episodes: EPISODES, mode: None };
+    let defaults = Defaults { tasks: "all", episodes: EPISODES, mode: None };
     let laboratory = Laboratory::open(context, &arguments.play, defaults)?;
     let (folder, finished) = finish::open(context, &laboratory, "evaluate", &laboratory.decides())?;
     if let Some(manifest) = finished {

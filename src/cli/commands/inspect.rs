@@ -1,13 +1,14 @@
-//! `inspect`: what is inside a checkpoint or a normaliser, without running anything in it.
+//! `inspect`: what is inside a checkpoint or a normaliser, without running anything in it; or inside a recording.
 //!
 //! Prints the format, the network and its sizes, the parameters, the normaliser that lies beside the file, every global
-//! that the pickles name, and what would be done with it. With `-v`, and in JSON, every tensor.
+//! that the pickles name, what would be done with it, and which tasks it fits. With `-v`, and in JSON, every tensor.
 
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde_json::{Map, Value, json};
 
+use super::inspect_recording;
 use crate::cli::context::{Context, Outcome};
 use crate::cli::render::{self, Align, Hinted};
 use crate::files;
@@ -17,16 +18,28 @@ use crate::policy::checkpoint::{self, CheckpointError, Limits, PickleError, Unus
 /// Arguments of `inspect`.
 #[derive(Debug, Args)]
 pub struct InspectArguments {
-    /// Checkpoint (.zip, .pickle, .pth) or normaliser (.pkl); recognised by content, not by name
+    /// Checkpoint (.zip, .pickle, .pth, .safetensors), normaliser (.pkl) or recording (.parquet, .mcap, .h5); recognised by
+    /// content, not by name
     pub file: PathBuf,
 }
 
 /// What can be inspected.
-const READABLE: &str = "give a checkpoint of Stable-Baselines3 (`.zip`), of PyTorch (`.pth`) or of NPG (`.pickle`), or a `VecNormalize` (`.pkl`)";
+const READABLE: &str = "give a checkpoint of Stable-Baselines3 (`.zip`), of PyTorch (`.pth`), of NPG (`.pickle`) or converted (`.safetensors`), a `VecNormalize` (`.pkl`), or a recording (`.parquet`, `.mcap`, `.h5`)";
 
 /// Runs the command.
 pub fn run(context: &Context, arguments: &InspectArguments) -> anyhow::Result<Outcome> {
-    let document = inspect(&arguments.file, &Limits::default())?;
+    if let Some(outcome) = inspect_recording::run(context, &arguments.file)? {
+        return Ok(outcome);
+    }
+    #[cfg_attr(
+        not(feature = "play"),
+        expect(unused_mut, reason = "tasks are known where they can be played")
+    )]
+    let mut document = inspect(&arguments.file, &Limits::default())?;
+    #[cfg(feature = "play")]
+    if document["kind"] == "policy" {
+        document["play"] = super::inspect_fit::fit(context, &arguments.file);
+    }
     if context.json {
         render::print_json(&document)?;
     } else {
@@ -100,10 +113,18 @@ fn describe_policy(path: &Path, bytes: &[u8], policy: &Checkpoint, limits: &Limi
             json!({"name": name, "shape": tensor.shape, "same_as": policy.aliases.get(name)})
         })
         .collect();
-    let normalisers = normalisers_beside(path, policy.format, limits);
+    let mut normalisers = normalisers_beside(path, policy.format, limits);
+    let mut format = container(policy.format, policy.scalars.library_version.as_deref());
+    if let Ok(Some((normaliser, provenance))) = checkpoint::embedded(bytes, limits) {
+        format = match provenance["checkpoint"]["file"].as_str() {
+            Some(original) => format!("safetensors, converted from `{original}` ({format})"),
+            None => "safetensors, bare weights".to_owned(),
+        };
+        normalisers.splice(..0, normaliser.as_ref().map(describe_normaliser));
+    }
     json!({
         "kind": "policy",
-        "format": container(policy.format, policy.scalars.library_version.as_deref()),
+        "format": format,
         "network": network(policy.format),
         "sizes": sizes,
         "heads": policy.scalars.head_count,
@@ -137,7 +158,7 @@ fn unused_pickles(bytes: &[u8], format: Format, limits: &Limits) -> Vec<Value> {
 
 /// What lies beside the policy as a normaliser, readable or not.
 fn normalisers_beside(path: &Path, format: Format, limits: &Limits) -> Vec<Value> {
-    if format == Format::NpgMlp {
+    if format.scales_for_itself() {
         return Vec::new();
     }
     let candidates = checkpoint::normaliser_beside(path);
@@ -185,26 +206,43 @@ fn container(format: Format, version: Option<&str>) -> String {
 fn network(format: Format) -> &'static str {
     match format {
         Format::ArnoldTransformer => "Arnold muscle transformer",
+        Format::TemporalTransformer => "muscle transformer with attention over time",
         Format::RecurrentPpo => "recurrent actor-critic (LSTM)",
         Format::PpoMlp => "actor-critic multilayer perceptron",
         Format::NpgMlp => "Gaussian multilayer perceptron (natural policy gradient)",
+        Format::SacMlp => "soft actor-critic multilayer perceptron",
+        Format::WalkingExpert => {
+            "walking expert: multilayer perceptron with an inverse muscle model"
+        }
+        Format::EnsembleClassifier => "classifier of an ensemble of recurrent policies",
     }
 }
 
 /// What a rollout does with such a policy.
 fn intention(format: Format, has_normaliser: bool) -> String {
     let observation = match format {
-        Format::ArnoldTransformer => "play it on muscle observations, its mean action not clipped",
-        Format::RecurrentPpo | Format::PpoMlp => {
+        Format::ArnoldTransformer | Format::TemporalTransformer => {
+            "play it on muscle observations, its mean action not clipped"
+        }
+        Format::RecurrentPpo | Format::PpoMlp | Format::SacMlp => {
             "play it on the observations of its own task, its mean action clipped to [-1, 1]"
         }
         Format::NpgMlp => {
             "play it on the observations of its own task, its mean action not clipped"
         }
+        Format::WalkingExpert => {
+            "play it on the walking task, its outputs turned into actions by an inverse muscle model"
+        }
+        Format::EnsembleClassifier => {
+            "play the ensemble whose networks lie in `base/` and `hold/` beside it"
+        }
     };
     let normaliser = match (format, has_normaliser) {
-        (Format::NpgMlp, _) => "normalised by the shift and scale inside it",
-        (_, true) => "normalised by the file beside it",
+        (Format::EnsembleClassifier, _) => {
+            "each normalised by the file beside it, the classifier by `scaler.pkl`"
+        }
+        (format, _) if format.scales_for_itself() => "normalised by the shift and scale inside it",
+        (_, true) => "normalised by its normaliser",
         (_, false) => "but no normaliser lies beside it",
     };
     format!("{observation}; {normaliser}")
@@ -220,7 +258,9 @@ fn as_text(document: &Value, with_tensors: bool) -> String {
         lines.push(("Format", plain(&document["format"])));
         lines.push(("Network", plain(&document["network"])));
         lines.push(("Sizes", members(&document["sizes"])));
-        lines.push(("Activation", plain(&document["activation"])));
+        if !document["activation"].is_null() {
+            lines.push(("Activation", plain(&document["activation"])));
+        }
         let [stored, distinct] =
             ["stored", "distinct"].map(|name| grouped(&document["parameters"][name]));
         lines.push(("Parameters", format!("{stored} stored, {distinct} distinct")));
@@ -243,6 +283,15 @@ fn as_text(document: &Value, with_tensors: bool) -> String {
         lines.push(("Tensors", format!("{tensor_count}{hint}")));
     }
     lines.push(("Use", plain(&document["use"])));
+    for (label, key) in [("Observation", "observation"), ("Tasks", "tasks"), ("Refused", "refused")]
+    {
+        let told = &document["play"][key];
+        if !told.is_null() {
+            let text = if told.is_array() { joined(told) } else { plain(told) };
+            lines.push((label, text));
+        }
+    }
+    lines.extend(items(&document["play"]["warnings"]).map(|text| ("Note", plain(text))));
 
     let width = lines.iter().map(|(label, _)| label.len()).max().unwrap_or(0);
     let line = |(label, value): (&str, String)| format!("{label:width$}  {value}\n");
@@ -298,15 +347,7 @@ fn members(object: &Value) -> String {
 /// An integer with its digits in groups of three.
 fn grouped(value: &Value) -> String {
     let Some(number) = value.as_u64() else { return plain(value) };
-    let digits = number.to_string();
-    let mut text = String::new();
-    for (index, digit) in digits.chars().enumerate() {
-        if index > 0 && (digits.len() - index) % 3 == 0 {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
+    render::grouped(number)
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! `rollout`: plays episodes and records every step.
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use serde_json::{Map, Value, json};
 
 use crate::cli::context::{Context, Outcome};
@@ -8,7 +8,9 @@ use crate::cli::finish::{self, Output};
 use crate::cli::laboratory::{Defaults, Laboratory, PlayArguments};
 use crate::cli::progress::Progress;
 use crate::cli::render::{self, Align};
-use crate::experiment::{recording, seed};
+use crate::experiment::recording::{self, Source};
+use crate::experiment::seed;
+use crate::record::Format;
 use crate::sim::rollout::{self, Channels, RolloutPlan};
 
 /// Arguments of `rollout`.
@@ -16,6 +18,30 @@ use crate::sim::rollout::{self, Channels, RolloutPlan};
 pub struct RolloutArguments {
     #[command(flatten)]
     play: PlayArguments,
+    /// Format of the recordings; several may be given
+    #[arg(long, value_name = "FORMAT", value_enum, num_args = 1.., value_delimiter = ',', default_value = "parquet")]
+    format: Vec<RecordingFormat>,
+}
+
+/// A format that holds every channel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
+pub enum RecordingFormat {
+    /// One table per task, one row per step: for polars, pandas, R
+    Parquet,
+    /// Messages with units and names: for Foxglove and other viewers
+    Mcap,
+    /// Upstream's layout, a group per episode: for h5py and the authors' scripts
+    Hdf5,
+}
+
+impl RecordingFormat {
+    fn format(self) -> Format {
+        match self {
+            Self::Parquet => Format::Parquet,
+            Self::Mcap => Format::Mcap,
+            Self::Hdf5 => Format::Hdf5,
+        }
+    }
 }
 
 /// Enough to look at.
@@ -23,9 +49,15 @@ const EPISODES: usize = 10;
 
 /// Runs the command.
 pub fn run(context: &Context, arguments: &RolloutArguments) -> anyhow::Result<Outcome> {
-    let defaults = Defaults { episodes: EPISODES, mode: None };
+    let defaults = Defaults { tasks: "all", episodes: EPISODES, mode: None };
     let laboratory = Laboratory::open(context, &arguments.play, defaults)?;
-    let (folder, finished) = finish::open(context, &laboratory, "rollout", &laboratory.decides())?;
+    // In one order, so that the same formats give the same run; HDF5 is last, as writing wants it.
+    let mut formats: Vec<Format> = arguments.format.iter().map(|format| format.format()).collect();
+    formats.sort_unstable();
+    formats.dedup();
+    let mut plan = laboratory.decides();
+    plan["formats"] = formats.iter().map(|format| format.word()).collect();
+    let (folder, finished) = finish::open(context, &laboratory, "rollout", &plan)?;
     if let Some(manifest) = finished {
         return finish::print(context, &folder, &manifest, &table);
     }
@@ -40,16 +72,24 @@ pub fn run(context: &Context, arguments: &RolloutArguments) -> anyhow::Result<Ou
             .collect();
         let episodes = rollout::play(&laboratory.machine, &plan, &specs, &|_| progress.advance(1))?;
         let names = rollout::channel_names(&laboratory.machine, task)?;
-        let file = format!("{}.parquet", task.name);
-        output.table(&file, &recording::step_table(task, &names, &episodes)?)?;
         let steps: usize = episodes.iter().map(|episode| episode.steps).sum();
+        let diverged: usize = episodes.iter().map(|episode| episode.diverged_steps).sum();
         let solved: usize = episodes.iter().map(|episode| episode.solved_steps).sum();
-        let entry = json!({
+        let mut entry = json!({
             "episodes": episodes.len(),
             "steps": steps,
             "solved_fraction": solved as f64 / (episodes.len() * task.horizon) as f64,
-            "file": file,
+            "diverged_steps": diverged,
         });
+        let source = Source {
+            task,
+            policy: &laboratory.policy.name,
+            mode: laboratory.mode,
+            seed: laboratory.seed,
+            metadata: folder.provenance().into_iter().collect(),
+        };
+        let recording = recording::recording(source, &names, episodes);
+        entry["files"] = output.recording(task.name, recording, &formats)?.into();
         tasks.insert(task.name.to_owned(), entry);
     }
     let seconds = progress.finish();

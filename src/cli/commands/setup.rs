@@ -1,5 +1,8 @@
 //! `setup`: fetches what the program may not carry, and says under which licence it is and what to cite.
 //!
+//! Alone it installs physics and models into the cache. `--kinesis`, `--emg` and `--arnold` fetch published data sets
+//! into the data folder instead (`data_sets.rs`).
+//!
 //! Exit code 0 when everything is in place, 3 when something does not exist for this machine, 1 when something is missing
 //! (`--check`) or could not be fetched.
 
@@ -9,6 +12,8 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::data_sets;
+use crate::assets::data::{DataSet, Origin, catalogue};
 use crate::assets::{AssetError, Cache, Event, Part, Source};
 use crate::cli::context::{Context, Outcome};
 use crate::cli::render::{self, Hinted};
@@ -19,13 +24,56 @@ pub struct SetupArguments {
     /// Only verify what is installed; fetch nothing
     #[arg(long, conflicts_with = "from")]
     check: bool,
-    /// Take the wheels from this folder instead of running pip
+    /// Take wheels or archives from this folder instead of the network
     #[arg(long, value_name = "DIR")]
     from: Option<PathBuf>,
+    /// Fetch the leg model of the walking task instead
+    #[arg(long)]
+    kinesis: bool,
+    /// Fetch human muscle activity during walking instead
+    #[arg(long)]
+    emg: bool,
+    /// Fetch the released policies and their results instead: all, or those named of `checkpoints`, `experts`,
+    /// `benchmarks`, `extra_results`
+    #[arg(long, value_name = "ARCHIVES", num_args = 0..=1, value_delimiter = ',')]
+    #[arg(default_missing_value = "checkpoints,experts,benchmarks,extra_results")]
+    #[arg(value_parser = archive)]
+    arnold: Option<Vec<DataSet<'static>>>,
+}
+
+impl SetupArguments {
+    /// The data sets that were named, each once.
+    fn data_sets(&self) -> Vec<DataSet<'static>> {
+        let kinesis = self.kinesis.then_some(catalogue::KINESIS);
+        let emg = self.emg.then_some(catalogue::EMG);
+        let named = kinesis.into_iter().chain(emg).chain(self.arnold.iter().flatten().copied());
+        named.fold(Vec::new(), |mut sets, set| {
+            if !sets.contains(&set) {
+                sets.push(set);
+            }
+            sets
+        })
+    }
+
+    /// Where data sets come from: `--from`, else `$ARNOLD_MIRROR`, else where they are published.
+    fn origin(&self) -> Origin {
+        let mirror = std::env::var("ARNOLD_MIRROR").ok().filter(|text| !text.is_empty());
+        let named = self.from.clone().map(Origin::Folder);
+        named.or_else(|| Some(Origin::of_mirror(&mirror?))).unwrap_or(Origin::Published)
+    }
+}
+
+fn archive(name: &str) -> Result<DataSet<'static>, String> {
+    catalogue::archive(name).map_err(|error| error.to_string())
 }
 
 /// Runs the command.
 pub fn run(context: &Context, arguments: &SetupArguments) -> anyhow::Result<Outcome> {
+    let sets = arguments.data_sets();
+    if !sets.is_empty() {
+        let origin = (!arguments.check).then(|| arguments.origin());
+        return data_sets::run(context, &sets, origin.as_ref());
+    }
     let cache = Cache::locate();
     let (parts, unavailable): (Vec<Part>, Vec<Part>) =
         Part::ALL.into_iter().partition(|part| part.is_available());

@@ -1,4 +1,6 @@
-//! `tasks`: the tasks this program plays, and what one of them observes and rewards.
+//! `tasks`: the tasks this program plays, and what one of them observes, rewards, draws and counts as solved.
+
+mod page;
 
 use clap::Args;
 use serde_json::{Value, json};
@@ -8,12 +10,13 @@ use crate::cli::context::{Context, Outcome};
 use crate::cli::laboratory;
 use crate::cli::render::{self, Align, Hinted};
 use crate::sim::bodies::Bodies;
-use crate::sim::tasks::{self, Definition, RewardConfiguration};
+use crate::sim::environment::Environment;
+use crate::sim::tasks::{self, Chosen, Definition, RewardConfiguration, Start, Threshold};
 
 /// Arguments of `tasks`.
 #[derive(Debug, Args)]
 pub struct TasksArguments {
-    /// Show this task: observation with indices, words and units, muscles, rewards
+    /// Show this task: thresholds, start, rewards, observation with indices, words and units, muscles
     task: Option<String>,
 }
 
@@ -45,33 +48,38 @@ fn facts(task: &Definition) -> Value {
 }
 
 fn list(context: &Context) -> anyhow::Result<Outcome> {
+    let all = |list: &[Definition]| list.iter().map(facts).collect::<Value>();
     if context.json {
-        render::print_json(&json!({"tasks": tasks::ALL.iter().map(facts).collect::<Value>()}))?;
+        render::print_json(&json!({"tasks": all(tasks::ALL), "extra": all(tasks::EXTRA)}))?;
         return Ok(Outcome::Done);
     }
+    let text = format!(
+        "{}\nBeside the paper's:\n\n{}\nTwo to four fingers reach as `hand_reach:thumb+index` and so on.\n",
+        table(tasks::ALL, "in the paper"),
+        table(tasks::EXTRA, "called"),
+    );
+    render::print_text(&text)?;
+    Ok(Outcome::Done)
+}
+
+fn table(list: &[Definition], title: &str) -> String {
     let columns = [
         ("task", Align::Left),
-        ("in the paper", Align::Left),
+        (title, Align::Left),
         ("body", Align::Left),
         ("steps", Align::Right),
-        ("every", Align::Right),
         ("solved when", Align::Left),
     ];
-    let rows: Vec<Vec<String>> = tasks::ALL
-        .iter()
-        .map(|task| {
-            vec![
-                task.name.to_owned(),
-                task.paper_name.to_owned(),
-                task.body.to_owned(),
-                task.horizon.to_string(),
-                format!("{:.0} ms", 1000.0 * task.control_interval()),
-                task.solved_when.to_owned(),
-            ]
-        })
-        .collect();
-    render::print_text(&render::table(&columns, &rows))?;
-    Ok(Outcome::Done)
+    let rows = list.iter().map(|task| {
+        vec![
+            task.name.to_owned(),
+            task.paper_name.to_owned(),
+            task.body.to_owned(),
+            task.horizon.to_string(),
+            task.solved_when.to_owned(),
+        ]
+    });
+    page::wrapped_table(&columns, rows)
 }
 
 fn show(context: &Context, task: &'static Definition) -> anyhow::Result<Outcome> {
@@ -79,82 +87,76 @@ fn show(context: &Context, task: &'static Definition) -> anyhow::Result<Outcome>
     let models = laboratory::available(context, &cache, Part::MyoSuite, Cache::myosuite)?;
     let library = laboratory::open_library(context, &cache, PhysicsVersion::default())?;
     let environment = laboratory::environment(task, &Bodies::new(library, &models, &context.data))?;
-    let definition = environment.task();
-    let clean = definition.clean_keys();
-    let mut start = 0;
-    let blocks: Vec<(usize, &crate::sim::layout::Block)> = definition
-        .layout()
-        .blocks()
-        .iter()
-        .map(|block| {
-            let at = start;
-            start += block.phrases.len();
-            (at, block)
-        })
-        .collect();
-    let muscles = environment.muscles();
-    let weights = |configuration| definition.weights(configuration);
-    let (sparse, dense) =
-        (weights(RewardConfiguration::Sparse), weights(RewardConfiguration::Dense));
     if context.json {
-        let mut document = facts(task);
-        let weights = |list: &[(&str, f64)]| -> serde_json::Map<String, Value> {
-            list.iter().map(|(name, weight)| ((*name).to_owned(), json!(weight))).collect()
-        };
-        document["observation"] = blocks
-            .iter()
-            .flat_map(|(start, block)| {
-                block.phrases.iter().enumerate().map(move |(place, phrase)| {
-                    json!({"index": start + place, "key": block.key, "unit": block.unit, "words": phrase})
-                })
-            })
-            .collect();
-        document["clean_observation"] = json!(clean);
-        document["muscles"] = json!(muscles);
-        document["reward_components"] = json!(definition.components());
-        document["reward_weights"] = json!({"sparse": weights(sparse), "dense": weights(dense)});
-        render::print_json(&document)?;
-        return Ok(Outcome::Done);
+        render::print_json(&document(task, &environment))?;
+    } else {
+        render::print_text(&page::text(task, &environment))?;
     }
-    let columns = [
-        ("index", Align::Right),
-        ("key", Align::Left),
-        ("unit", Align::Left),
-        ("expert", Align::Left),
-        ("words of the first element", Align::Left),
-    ];
-    let rows: Vec<Vec<String>> = blocks
-        .iter()
-        .map(|(start, block)| {
-            vec![
-                format!("{start}–{}", start + block.phrases.len() - 1),
-                block.key.to_owned(),
-                block.unit.to_owned(),
-                if clean.contains(&block.key) { "yes" } else { "" }.to_owned(),
-                block.phrases[0].join(" "),
-            ]
-        })
-        .collect();
-    let weights = |list: &[(&str, f64)]| {
-        let terms: Vec<String> = list.iter().map(|(name, w)| format!("{w} × {name}")).collect();
-        terms.join(" + ")
-    };
-    let text = format!(
-        "{} ({}): {}\n{} steps of {:.0} ms; solved when {}\n\nObservation, {} elements; an expert sees those marked:\n\n{}\n\
-         Muscles, {}: {}\n\nReward, benchmark: {}\nReward, training:  {}\n",
-        task.name,
-        task.paper_name,
-        task.summary,
-        task.horizon,
-        1000.0 * task.control_interval(),
-        task.solved_when,
-        start,
-        render::table(&columns, &rows),
-        muscles.len(),
-        muscles.join(" "),
-        weights(sparse),
-        weights(dense),
-    );
-    render::print_text(&text)?;
     Ok(Outcome::Done)
+}
+
+/// Everything about a task, every element of its observation included.
+fn document(task: &Definition, environment: &Environment) -> Value {
+    let played = environment.task();
+    let layout = played.layout();
+    let muscles = environment.muscles();
+    let weights = |configuration| -> serde_json::Map<String, Value> {
+        let weights = played.weights(configuration).iter();
+        weights.map(|(name, weight)| ((*name).to_owned(), json!(weight))).collect()
+    };
+    let mut observation = Vec::new();
+    for block in layout.blocks() {
+        for phrase in &block.phrases {
+            let index = observation.len();
+            observation.push(
+                json!({"index": index, "key": block.key, "unit": block.unit, "words": phrase}),
+            );
+        }
+    }
+    let mut start = 0;
+    let mut clean = Vec::new();
+    for (key, unit, length) in page::clean_blocks(played) {
+        clean.push(json!({"index": start, "key": key, "unit": unit, "length": length}));
+        start += length;
+    }
+    let phrases = played.action_phrases(&muscles);
+    let actuators: Vec<Value> = muscles
+        .iter()
+        .zip(&phrases)
+        .enumerate()
+        .map(|(index, (name, words))| json!({"index": index, "name": name, "words": words}))
+        .collect();
+    let mut document = facts(task);
+    document["thresholds"] = played.thresholds().iter().map(threshold).collect();
+    document["start"] = played.starts().iter().map(drawn).collect();
+    document["reward_components"] = json!(played.components());
+    document["reward_weights"] = json!({
+        "sparse": weights(RewardConfiguration::Sparse),
+        "dense": weights(RewardConfiguration::Dense),
+    });
+    document["observation"] = json!(observation);
+    document["clean_observation"] = json!(clean);
+    document["muscles"] = json!(muscles);
+    document["actuators"] = json!(actuators);
+    document
+}
+
+fn threshold(threshold: &Threshold) -> Value {
+    json!({
+        "event": threshold.event.word(),
+        "quantity": threshold.quantity,
+        "when": if threshold.above { "above" } else { "below" },
+        "value": threshold.value,
+        "unit": threshold.unit,
+    })
+}
+
+fn drawn(start: &Start) -> Value {
+    let (how, what) = match &start.chosen {
+        Chosen::Uniform { low, high } => ("uniform", json!({"low": low, "high": high})),
+        Chosen::Fixed(values) => ("fixed", json!(values)),
+        Chosen::OneOf(choices) => ("one_of", json!(choices)),
+        Chosen::Rule(rule) => ("rule", json!(rule)),
+    };
+    json!({"quantity": start.quantity, "unit": start.unit, how: what})
 }

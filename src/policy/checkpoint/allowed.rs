@@ -8,12 +8,16 @@ use super::records::printable;
 pub(super) enum Kind {
     /// `data.pkl` inside a torch file.
     TorchArchive,
+    /// `data.pkl` of a torch file that may hold a policy's construction beside its weights.
+    TorchPolicy,
     /// One of the consecutive pickles of torch's old stream format.
     TorchStream,
     /// Normaliser of the Arnold transformer.
     SignatureNormaliser,
     /// Stable-Baselines3 `VecNormalize`.
     ComponentNormaliser,
+    /// scikit-learn's `StandardScaler`.
+    Scaler,
     /// `mjrl` natural-policy-gradient policy.
     NaturalGradient,
     /// A pickle whose globals are only listed, never interpreted.
@@ -29,15 +33,18 @@ impl Kind {
             Self::Listing => return Some(printable(&format!("{module}.{name}"))),
             Self::Nothing => &[],
             Self::TorchArchive => &[STORAGES, TENSORS],
+            Self::TorchPolicy => &[STORAGES, TENSORS, NUMPY, CONSTRUCTION],
             Self::TorchStream => &[STORAGES],
+            Self::Scaler => &[NUMPY, SCALER],
             Self::SignatureNormaliser => &[NUMPY, SIGNATURE_NORMALISER],
             Self::ComponentNormaliser => &[NUMPY, COMPONENT_NORMALISER],
             Self::NaturalGradient => &[NUMPY, TENSORS, NATURAL_GRADIENT],
         };
-        // NumPy 2 moved its private modules; files of both ages name the same things.
-        let module = match module.strip_prefix("numpy._core.") {
-            Some(rest) => format!("numpy.core.{rest}"),
-            None => module.to_owned(),
+        // NumPy 2 moved its private modules, Python 3 renamed the built-in one; files of all ages name the same things.
+        let module = match (module.strip_prefix("numpy._core."), module) {
+            (Some(rest), _) => format!("numpy.core.{rest}"),
+            (None, "__builtin__") => "builtins".to_owned(),
+            (None, _) => module.to_owned(),
         };
         let known = lists.iter().any(|list| list.contains(&(module.as_str(), name)));
         known.then(|| format!("{module}.{name}"))
@@ -45,7 +52,7 @@ impl Kind {
 
     /// Whether persistent ids, torch's references to storages, may occur.
     pub(super) fn has_storages(self) -> bool {
-        matches!(self, Self::TorchArchive | Self::TorchStream | Self::Listing)
+        matches!(self, Self::TorchArchive | Self::TorchPolicy | Self::TorchStream | Self::Listing)
     }
 }
 
@@ -97,7 +104,30 @@ const COMPONENT_NORMALISER: &[(&str, &str)] = &[
     ("numpy.random._pickle", "__bit_generator_ctor"),
 ];
 
-/// `builtins.getattr` is admitted as a name only; `pickle.rs` accepts it with one pair of arguments.
+/// What `policy.save` of Stable-Baselines3 writes beside the weights: spaces, classes, a bound method that `pickle.rs`
+/// accepts with one pair of arguments. Only the activation function's name is looked at.
+const CONSTRUCTION: &[(&str, &str)] = &[
+    ("gym.spaces.box", "Box"),
+    ("gymnasium.spaces.box", "Box"),
+    ("gymnasium.spaces.dict", "Dict"),
+    ("stable_baselines3.common.policies", "BasePolicy"),
+    ("stable_baselines3.common.torch_layers", "FlattenExtractor"),
+    ("stable_baselines3.common.torch_layers", "CombinedExtractor"),
+    ("torch.nn.modules.activation", "ReLU"),
+    ("torch.nn.modules.activation", "Tanh"),
+    ("torch.nn.modules.activation", "ELU"),
+    ("torch.nn.modules.activation", "SiLU"),
+    ("torch.nn.modules.activation", "GELU"),
+    ("torch.optim.adam", "Adam"),
+    ("_codecs", "encode"),
+    ("builtins", "getattr"),
+];
+
+const SCALER: &[(&str, &str)] = &[("sklearn.preprocessing._data", "StandardScaler")];
+
+/// `builtins.getattr` and `builtins.set` are admitted as names only; `pickle.rs` accepts `getattr` for `tanh` of torch's
+/// table of functions (whose class newer versions name) and `set` of an empty list (the buffers that a module of a newer
+/// torch does not store: none).
 const NATURAL_GRADIENT: &[(&str, &str)] = &[
     ("mjrl.policies.gaussian_mlp", "MLP"),
     ("mjrl.utils.fc_network", "FCNetwork"),
@@ -105,7 +135,9 @@ const NATURAL_GRADIENT: &[(&str, &str)] = &[
     ("torch.nn.modules.linear", "Linear"),
     ("torch.storage", "_load_from_bytes"),
     ("torch._C", "_VariableFunctions"),
+    ("torch._C", "_VariableFunctionsClass"),
     ("builtins", "getattr"),
+    ("builtins", "set"),
 ];
 
 #[cfg(test)]

@@ -1,36 +1,46 @@
 //! Bounded zip reading: stored and deflated members, looked up by their exact name.
 //!
-//! Refused before any member is read: two members of one name, members that share bytes, encrypted members, symbolic
-//! links, sizes and compression ratios above the limits, other compression methods. Nothing is ever written to disk.
+//! Refused before any member is read: an archive that does not fill its file, two members of one name, members that
+//! share bytes, names that lead elsewhere, members whose own header says something else than the directory, encrypted
+//! members, symbolic links, sizes and compression ratios above the limits, other compression methods. Nothing is ever
+//! written to disk.
 //! A nested archive is borrowed from the bytes around it when it is stored, so that its unneeded members cost nothing.
 
 use std::borrow::Cow;
+use std::collections::HashSet;
 use std::io::{Cursor, Read};
 
 use zip::CompressionMethod;
-use zip::read::ZipArchive;
+use zip::read::{ArchiveOffset, Config, ZipArchive};
 use zip::result::ZipError;
 
 use super::limits::{Budget, LimitExceeded, check};
 use super::records::printable;
+use crate::zip_directory::{Directory, DirectoryError};
 
 /// Why a zip archive cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ArchiveError {
     #[error("archive is damaged: {0}")]
     Damaged(ZipError),
+    #[error(transparent)]
+    Directory(#[from] DirectoryError),
     #[error("archive holds two members of the same name")]
     DuplicateMember,
     #[error("archive does not start where the file starts")]
     Displaced,
     #[error("archive members share bytes")]
     OverlappingMembers,
+    #[error("archive says one thing in its directory and another before its members: {0}")]
+    Contradiction(ZipError),
     #[error("archive member `{member}` is missing")]
     MissingMember { member: String },
     #[error("archive member `{member}` is encrypted")]
     EncryptedMember { member: String },
     #[error("archive member `{member}` is a symbolic link")]
     SymbolicLink { member: String },
+    #[error("archive member `{member}` has a name that is no plain path below the archive")]
+    UnsafeName { member: String },
     #[error("archive member `{member}` is packed with {method}; only stored and deflated are read")]
     UnknownCompression { member: String, method: CompressionMethod },
     #[error("archive member `{member}` cannot be unpacked: {fault}")]
@@ -52,22 +62,27 @@ pub(super) struct Archive<'a> {
 impl<'a> Archive<'a> {
     /// Reads the directory of the archive and checks every entry of it.
     pub(super) fn open(bytes: &'a [u8], budget: &mut Budget) -> Result<Self, ArchiveError> {
-        let mut zip = ZipArchive::new(Cursor::new(bytes)).map_err(ArchiveError::Damaged)?;
-        // Otherwise a cut-off file could be taken for an archive that is stored inside it.
-        if zip.offset() != 0 || !bytes.starts_with(b"PK\x03\x04") {
+        if !bytes.starts_with(b"PK\x03\x04") {
             return Err(ArchiveError::Displaced);
         }
-        if zip.has_duplicate_names() {
+        // The directory's own account of itself comes first: the zip reader allocates by it.
+        let directory = Directory::read(bytes)?;
+        check("members", directory.members, budget.limits.members)
+            .and_then(|()| budget.charge_memory(directory.memory()))
+            .map_err(ArchiveError::TooManyMembers)?;
+        let config = Config { archive_offset: ArchiveOffset::Known(0) };
+        let mut zip =
+            ZipArchive::with_config(config, Cursor::new(bytes)).map_err(ArchiveError::Damaged)?;
+        if zip.has_duplicate_names() || differ_by_case_only(&zip) {
             return Err(ArchiveError::DuplicateMember);
         }
-        check("members", zip.len() as u64, budget.limits.members)
-            .map_err(ArchiveError::TooManyMembers)?;
         for index in 0..zip.len() {
             check_entry(&zip, index, budget)?;
         }
         if zip.has_overlapping_entries().map_err(ArchiveError::Damaged)? {
             return Err(ArchiveError::OverlappingMembers);
         }
+        zip.validate_header_consistency().map_err(ArchiveError::Contradiction)?;
         Ok(Self { bytes, zip })
     }
 
@@ -153,6 +168,12 @@ impl<'a> Archive<'a> {
     }
 }
 
+/// Whether two names would be one file on a system that does not tell small letters from capitals.
+fn differ_by_case_only(zip: &ZipArchive<Cursor<&[u8]>>) -> bool {
+    let mut seen = HashSet::new();
+    !zip.file_names_raw().all(|name| seen.insert(name.to_ascii_lowercase()))
+}
+
 /// Refuses what no checkpoint needs, from the directory alone.
 fn check_entry(
     zip: &ZipArchive<Cursor<&[u8]>>,
@@ -161,6 +182,9 @@ fn check_entry(
 ) -> Result<(), ArchiveError> {
     let entry = zip.by_index_data(index).map_err(ArchiveError::Damaged)?;
     let member = printable(&String::from_utf8_lossy(entry.name_raw()));
+    if !is_plain_path(entry.name_raw()) {
+        return Err(ArchiveError::UnsafeName { member });
+    }
     if entry.encrypted() {
         return Err(ArchiveError::EncryptedMember { member });
     }
@@ -179,4 +203,13 @@ fn check_entry(
     check("unpacked bytes", unpacked, budget.limits.member_bytes)
         .and_then(|()| check("times its packed size", ratio, budget.limits.compression_ratio))
         .map_err(|fault| ArchiveError::MemberTooLarge { member, fault })
+}
+
+/// Whether a member's name would stay below the folder that somebody unpacks it in, and is one that can be shown.
+fn is_plain_path(name: &[u8]) -> bool {
+    const LONGEST: usize = 1_000;
+    let Ok(name) = std::str::from_utf8(name) else { return false };
+    let escapes = name.starts_with('/') || name.split('/').any(|part| part == "..");
+    let is_odd = |c: char| c.is_control() || matches!(c, '\\' | ':');
+    !name.is_empty() && name.len() <= LONGEST && !escapes && !name.contains(is_odd)
 }

@@ -5,7 +5,7 @@
 //! objects are refused.
 
 use super::limits::Budget;
-use super::records::{Id, Node, Records};
+use super::records::{Id, Node, Records, printable};
 use super::storages::{TensorError, each};
 use crate::npz::{Array, Elements};
 
@@ -101,7 +101,7 @@ fn decode(
         "f4" | "i4" | "u4" => 4,
         "i2" | "u2" => 2,
         "i1" | "u1" | "b1" => 1,
-        other => return Err(TensorError::UnknownElementType { name: other.to_owned() }),
+        other => return Err(TensorError::UnknownElementType { name: printable(other) }),
     };
     let expected = shape
         .iter()

@@ -2,7 +2,7 @@
 //!
 //! Three families of files are recognised by their content, whatever they are called: Stable-Baselines3 archives
 //! (`sb3.rs`), bare torch state dictionaries, and `mjrl` pickles (`npg.rs`); and beside them the pickled normalisers
-//! (`vecnormalize.rs`). Below these lie the zip reader (`archive.rs`), the pickle machine (`pickle.rs`, `allowed.rs`,
+//! (`vecnormalize.rs`). What `convert` made of one is a safetensors file (`safe.rs`). Below these lie the zip reader (`archive.rs`), the pickle machine (`pickle.rs`, `allowed.rs`,
 //! `records.rs`), torch tensors (`tensors.rs`, `stream.rs`, `storages.rs`) and NumPy arrays (`arrays.rs`). Everything
 //! is charged to [`Limits`] before it is allocated.
 //!
@@ -19,11 +19,15 @@ mod allowed;
 mod archive;
 mod arrays;
 pub mod contents;
+mod declared;
 mod limits;
 mod npg;
 mod pickle;
 mod records;
+mod safe;
 mod sb3;
+mod scaler;
+mod settings;
 mod siblings;
 mod storages;
 mod stream;
@@ -43,7 +47,9 @@ pub use archive::ArchiveError;
 pub use limits::{LimitExceeded, Limits};
 pub use pickle::PickleError;
 pub use records::RecordError;
+pub(super) use safe::{Package, write as write_package};
 pub use sb3::UnusedPickle;
+pub use scaler::Scaler;
 pub use siblings::normaliser_beside;
 pub use storages::TensorError;
 pub use stream::EmbeddedTensorError;
@@ -55,7 +61,7 @@ pub use summary::{ParameterCounts, network_sizes, parameter_counts};
 pub enum CheckpointError {
     #[error(transparent)]
     File(#[from] FileError),
-    #[error("the file is neither a zip archive nor a pickle")]
+    #[error("the file is neither a zip archive nor a pickle nor safetensors")]
     UnknownFormat,
     #[error("the file holds {found}, not a policy")]
     NotAPolicy { found: String },
@@ -63,6 +69,8 @@ pub enum CheckpointError {
     NotANormaliser { found: String },
     #[error("`{part}` is not a torch file")]
     NotATorchFile { part: String },
+    #[error("the file holds {what}; its first tensors are `{tensors}`")]
+    ForeignNetwork { what: &'static str, tensors: String },
     #[error("the file holds no network that is known here; its first tensors are `{tensors}`")]
     UnknownNetwork { tensors: String },
     #[error(transparent)]
@@ -79,6 +87,8 @@ pub enum CheckpointError {
     Tensor { tensor: String, fault: TensorError },
     #[error("tensor `{tensor}` {fault}")]
     EmbeddedTensor { tensor: String, fault: EmbeddedTensorError },
+    #[error("the file {fault}")]
+    Safetensors { fault: String },
     #[error("statistic `{name}` is {value} at index {index}, which no training produces")]
     ImpossibleStatistic { name: String, value: f64, index: usize },
     #[error("{fault}, in `{path}`")]
@@ -94,7 +104,8 @@ pub fn read_checkpoint(bytes: &[u8], limits: &Limits) -> Result<Checkpoint, Chec
             if sb3::recognise(&archive) {
                 sb3::read(&mut archive, &mut budget)
             } else if tensors::pickle_member(&archive.names()).is_some() {
-                let state = tensors::read_state_dict(bytes, "torch file", &mut budget)?;
+                let state =
+                    tensors::read_state_dict(bytes, "torch file", Kind::TorchPolicy, &mut budget)?;
                 sb3::checkpoint(state, Scalars::default())
             } else {
                 Err(CheckpointError::NotAPolicy { found: "some other archive".to_owned() })
@@ -104,9 +115,35 @@ pub fn read_checkpoint(bytes: &[u8], limits: &Limits) -> Result<Checkpoint, Chec
             Some(class) if vecnormalize::recognise(&class) => {
                 Err(CheckpointError::NotAPolicy { found: "a normaliser".to_owned() })
             }
+            Some(class) if class.starts_with("sklearn.") => {
+                let found = format!("`{class}`, an object of scikit-learn");
+                Err(CheckpointError::NotAPolicy { found })
+            }
             _ => npg::read(bytes, &mut budget),
         },
+        Container::Safetensors => Ok(safe::read(bytes, &mut budget)?.checkpoint),
     }
+}
+
+/// Whether a file is safetensors, and what such a file holds beside its policy: the normaliser, and which files it was
+/// made of. Null and nothing for bare weights.
+pub fn embedded(
+    bytes: &[u8],
+    limits: &Limits,
+) -> Result<Option<(Option<Normaliser>, serde_json::Value)>, CheckpointError> {
+    let package = read_package(bytes, limits)?;
+    Ok(package.map(|package| (package.normaliser, package.provenance)))
+}
+
+/// Reads a safetensors file with all that belongs to its policy; `None` if it is another kind of file.
+pub(super) fn read_package(
+    bytes: &[u8],
+    limits: &Limits,
+) -> Result<Option<Package>, CheckpointError> {
+    if Container::of(bytes)? != Container::Safetensors {
+        return Ok(None);
+    }
+    safe::read(bytes, &mut Budget::new(limits)).map(Some)
 }
 
 /// Reads a normaliser from the bytes of its file.
@@ -121,8 +158,10 @@ pub fn read_normaliser_and_globals(
 ) -> Result<(Normaliser, Vec<String>), CheckpointError> {
     let not_a_normaliser =
         |found: &str| Err(CheckpointError::NotANormaliser { found: found.to_owned() });
-    if Container::of(bytes)? == Container::Zip {
-        return not_a_normaliser("an archive");
+    match Container::of(bytes)? {
+        Container::Zip => return not_a_normaliser("an archive"),
+        Container::Safetensors => return not_a_normaliser("tensors"),
+        Container::Pickle => {}
     }
     match pickle::first_global(bytes, &mut Budget::new(limits)) {
         Some(class) if vecnormalize::recognise(&class) => {
@@ -135,6 +174,20 @@ pub fn read_normaliser_and_globals(
             Ok(_) => not_a_normaliser("some other object"),
         },
     }
+}
+
+/// Reads the settings of a policy from JSON beside it: the `data` of an archive as a loose file, or `model_config.json`.
+pub fn read_settings(
+    bytes: &[u8],
+    part: &str,
+    limits: &Limits,
+) -> Result<Scalars, CheckpointError> {
+    settings::read(bytes, part, &mut Budget::new(limits))
+}
+
+/// Reads scikit-learn's `StandardScaler` from the bytes of its file.
+pub fn read_scaler(bytes: &[u8], limits: &Limits) -> Result<Scaler, CheckpointError> {
+    scaler::read(bytes, &mut Budget::new(limits))
 }
 
 /// Lists the globals named by the torch members of an archive, including those that reading the policy does not need.
@@ -151,6 +204,7 @@ pub fn list_globals(bytes: &[u8], limits: &Limits) -> Result<Vec<UnusedPickle>, 
             let globals = globals.map_err(|error| error.to_string());
             Ok(vec![UnusedPickle { member: "pickle".to_owned(), globals }])
         }
+        Container::Safetensors => Ok(Vec::new()),
     }
 }
 
@@ -181,6 +235,7 @@ fn in_pickle(part: &str) -> impl Fn(PickleError) -> CheckpointError {
 enum Container {
     Zip,
     Pickle,
+    Safetensors,
 }
 
 impl Container {
@@ -188,6 +243,8 @@ impl Container {
     fn of(bytes: &[u8]) -> Result<Self, CheckpointError> {
         match bytes {
             [b'P', b'K', 3, 4, ..] => Ok(Self::Zip),
+            // Before pickles: a header's length may begin as they do.
+            _ if safe::recognise(bytes) => Ok(Self::Safetensors),
             [0x80, 2..=5, ..] => Ok(Self::Pickle),
             _ => Err(CheckpointError::UnknownFormat),
         }

@@ -491,21 +491,38 @@ impl<'a> Machine<'a, '_> {
         let Node::Tuple(items) = self.records.node(arguments) else {
             return Err(self.wrong_operand(operation, arguments));
         };
-        // The activation function of `mjrl` networks is the one attribute look-up that is understood.
-        if name == "builtins.getattr" && self.kind != Kind::Listing {
-            let understood = matches!(items[..], [owner, attribute]
-                if self.records.global(owner) == Some("torch._C._VariableFunctions")
-                    && self.records.text(attribute) == Some("tanh"));
-            if !understood {
-                let (name, offset) = (name.to_owned(), self.opcode_offset);
-                return Err(PickleError::ForbiddenCall { name, offset });
-            }
+        if self.kind != Kind::Listing && !self.understands_call(name, items) {
+            let (name, offset) = (name.to_owned(), self.opcode_offset);
+            return Err(PickleError::ForbiddenCall { name, offset });
         }
         let record = Record { constructor, arguments, entries: Vec::new(), state: None };
         let added =
             self.records.add(Node::Record(Box::new(record)), size_of::<Record>(), self.budget);
         let id = self.limit(added)?;
         self.push_id(id)
+    }
+
+    /// Whether a call has the meaning for which its name is admitted. Of Python's built-in functions that is one use each.
+    fn understands_call(&self, name: &str, arguments: &[Id]) -> bool {
+        let records = &self.records;
+        match (name, arguments) {
+            ("builtins.getattr", &[owner, attribute]) => matches!(
+                (records.global(owner), records.text(attribute)),
+                // The activation function of `mjrl` networks.
+                (Some("torch._C._VariableFunctions" | "torch._C._VariableFunctionsClass"), Some("tanh"))
+                // What `policy.save` writes in place of a learning rate.
+                | (Some("stable_baselines3.common.policies.BasePolicy"), Some("_dummy_schedule"))
+            ),
+            ("builtins.set", &[items]) => {
+                matches!(records.node(items), Node::List(items) if items.is_empty())
+            }
+            // How protocol 2 writes bytes.
+            ("_codecs.encode", &[text, encoding]) => {
+                records.text(text).is_some() && records.text(encoding) == Some("latin1")
+            }
+            ("builtins.getattr" | "builtins.set" | "_codecs.encode", _) => false,
+            _ => true,
+        }
     }
 
     /// BUILD: attaches a state to the record below it, once.

@@ -7,6 +7,7 @@
 use std::collections::HashMap;
 
 use super::limits::{Budget, LimitExceeded, check};
+pub(super) use crate::files::printable;
 
 /// Index of a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -161,9 +162,12 @@ impl<'a> Records<'a> {
         }
     }
 
-    /// A tuple or list of sizes.
+    /// A tuple or list of sizes, one per axis of an array.
     pub(super) fn sizes(&self, id: Id) -> Option<Vec<usize>> {
-        self.elements(id)?.iter().map(|&item| self.size(item)).collect()
+        // NumPy's own bound; a message that names a shape stays short by it.
+        const MOST_AXES: usize = 64;
+        let axes = self.elements(id).filter(|axes| axes.len() <= MOST_AXES)?;
+        axes.iter().map(|&item| self.size(item)).collect()
     }
 
     /// The pairs of a dictionary, ordered or not.
@@ -297,10 +301,4 @@ impl<'a> Records<'a> {
             _ => {}
         }
     }
-}
-
-/// A text from a file, made safe and short enough for a terminal.
-pub(super) fn printable(text: &str) -> String {
-    const LONGEST: usize = 200;
-    text.chars().take(LONGEST).flat_map(char::escape_debug).collect()
 }

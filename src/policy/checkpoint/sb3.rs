@@ -1,20 +1,15 @@
-//! Stable-Baselines3 archives: the settings in `data` (JSON), the weights in `policy.pth`, the version.
-//!
-//! `data` holds whatever JSON can express, and everything else as base64-coded cloudpickle under `:serialized:`. Those
-//! blobs are programs; they are never decoded. What is needed of them is repeated beside them as plain JSON
-//! (`spec/policy.md` §3.3). Optimiser state and other members are not read.
+//! Stable-Baselines3 archives: the settings in `data` (`settings.rs`), the weights in `policy.pth`, the version. Optimiser
+//! state and other members are not read.
 
 use std::path::Path;
 
-use serde_json::Value;
-
 use super::allowed::Kind;
 use super::archive::Archive;
-use super::contents::{Activation, Checkpoint, Format, Scalars, TensorMap};
+use super::contents::{Checkpoint, Format, Scalars, TensorMap};
 use super::limits::Budget;
 use super::records::printable;
 use super::tensors::{self, StateDict};
-use super::{CheckpointError, in_pickle, pickle};
+use super::{CheckpointError, in_pickle, pickle, settings};
 
 const SETTINGS: &str = "data";
 const WEIGHTS: &str = "policy.pth";
@@ -30,80 +25,68 @@ pub(super) fn read(
     archive: &mut Archive<'_>,
     budget: &mut Budget,
 ) -> Result<Checkpoint, CheckpointError> {
-    let mut scalars = read_settings(archive, budget)?;
+    let mut scalars = settings::read(&archive.read(SETTINGS, budget)?, SETTINGS, budget)?;
     if archive.contains(VERSION) {
         let version = archive.read(VERSION, budget)?;
         scalars.library_version = Some(printable(String::from_utf8_lossy(&version).trim()));
     }
     let weights = archive.nested(WEIGHTS, budget)?;
-    let state = tensors::read_state_dict(&weights, WEIGHTS, budget)?;
+    let state = tensors::read_state_dict(&weights, WEIGHTS, Kind::TorchArchive, budget)?;
     checkpoint(state, scalars)
 }
 
 /// A checkpoint made of a state dictionary, once the kind of network is known from the names of its tensors.
 pub(super) fn checkpoint(
     state: StateDict,
-    scalars: Scalars,
+    mut scalars: Scalars,
 ) -> Result<Checkpoint, CheckpointError> {
     let format = recognise_network(&state.tensors)?;
-    let StateDict { tensors, aliases, mut globals } = state;
+    let StateDict { tensors, aliases, mut globals, activation_class } = state;
+    let stated = || settings::activation_called(activation_class.as_deref()?);
+    scalars.activation = scalars.activation.or_else(stated);
     globals.sort();
     globals.dedup();
     Ok(Checkpoint { format, tensors, aliases, scalars, globals })
 }
 
 /// The kind of network, from the names that only it has.
-fn recognise_network(tensors: &TensorMap) -> Result<Format, CheckpointError> {
+pub(super) fn recognise_network(tensors: &TensorMap) -> Result<Format, CheckpointError> {
     let any_starts = |prefix: &str| tensors.keys().any(|name| name.starts_with(prefix));
-    if any_starts("mlp_extractor.encoder.") {
+    let first_names =
+        || tensors.keys().take(3).map(String::as_str).collect::<Vec<_>>().join("`, `");
+    if let Some((_, what)) = FOREIGN_NETWORKS.iter().find(|(prefix, _)| any_starts(prefix)) {
+        Err(CheckpointError::ForeignNetwork { what, tensors: first_names() })
+    } else if any_starts("mlp_extractor.time_encoder.") {
+        Ok(Format::TemporalTransformer)
+    } else if any_starts("mlp_extractor.encoder.") {
         Ok(Format::ArnoldTransformer)
     } else if any_starts("lstm_actor.") {
         Ok(Format::RecurrentPpo)
     } else if any_starts("mlp_extractor.policy_net.") || any_starts("action_net.") {
         Ok(Format::PpoMlp)
+    } else if any_starts("actor.mu.") {
+        Ok(Format::SacMlp)
+    } else if any_starts("net.affine_layers.") {
+        Ok(Format::WalkingExpert)
+    } else if ["layer_1.weight", "layer_2.weight", "layer_out.weight"].iter().all(|n| any_starts(n))
+    {
+        Ok(Format::EnsembleClassifier)
     } else {
-        let names: Vec<&str> = tensors.keys().take(3).map(String::as_str).collect();
-        Err(CheckpointError::UnknownNetwork { tensors: names.join("`, `") })
+        Err(CheckpointError::UnknownNetwork { tensors: first_names() })
     }
 }
 
-/// What the settings say that the weights do not.
-fn read_settings(
-    archive: &mut Archive<'_>,
-    budget: &mut Budget,
-) -> Result<Scalars, CheckpointError> {
-    // Every value of a parsed document but the first comes after one of four characters.
-    const BYTES_PER_VALUE: u64 = 128;
-    let text = archive.read(SETTINGS, budget)?;
-    let values =
-        text.iter().filter(|byte| matches!(byte, b',' | b':' | b'[' | b'{')).count() as u64;
-    budget
-        .charge_memory(text.len() as u64 + BYTES_PER_VALUE * values)
-        .map_err(|fault| CheckpointError::Limit { part: SETTINGS.to_owned(), fault })?;
-    let settings: Value = serde_json::from_slice(&text)
-        .map_err(|fault| CheckpointError::Settings { part: SETTINGS.to_owned(), fault })?;
-    let policy = &settings["policy_kwargs"];
-    Ok(Scalars {
-        head_count: policy["net_arch"]["num_heads"].as_u64().and_then(|n| usize::try_from(n).ok()),
-        policy_outputs_variance: policy["policy_outputs_variance"].as_bool(),
-        activation: policy["activation_fn"].as_str().and_then(activation),
-        training_steps: settings["num_timesteps"].as_u64(),
-        library_version: None,
-    })
-}
-
-/// `<class 'torch.nn.modules.activation.ReLU'>`: only the class name counts, and only a known one.
-fn activation(class: &str) -> Option<Activation> {
-    let path = class.strip_prefix("<class '")?.strip_suffix("'>")?;
-    match path.rsplit('.').next()? {
-        "ReLU" => Some(Activation::Relu),
-        "Tanh" => Some(Activation::Tanh),
-        "ELU" => Some(Activation::Elu),
-        "SiLU" => Some(Activation::Silu),
-        "GELU" => Some(Activation::Gelu),
-        _ => None,
-    }
-}
+/// Networks that are known but have no task here: how their tensors' names start, and what they are.
+const FOREIGN_NETWORKS: [(&str, &str); 2] = [
+    (
+        "policy_network.exo_policy_net.",
+        "a policy of MyoAssist's 22-muscle legs with an exoskeleton, a body that no task here has",
+    ),
+    (
+        "experts.experts.",
+        "a mixture of walking experts that imitate motion; no task here shows them the motion",
+    ),
+];
 
 /// A member of the archive that reading the policy does not need.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -137,17 +120,4 @@ fn globals_of_member(
     let mut globals = listing.records.globals().to_vec();
     globals.sort();
     Ok(globals)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_activation_is_known_by_the_end_of_its_class_name_only() {
-        let relu = "<class 'torch.nn.modules.activation.ReLU'>";
-        assert_eq!(activation(relu), Some(Activation::Relu));
-        assert_eq!(activation("<class 'evil.NotReLU'>"), None);
-        assert_eq!(activation("ReLU"), None);
-    }
 }

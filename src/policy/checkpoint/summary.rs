@@ -34,17 +34,15 @@ pub fn network_sizes(checkpoint: &Checkpoint) -> Vec<(&'static str, Vec<usize>)>
     let mut sizes: Vec<(&'static str, Vec<usize>)> = Vec::new();
     let mut add = |name, size: Option<usize>| sizes.extend(size.map(|size| (name, vec![size])));
     match checkpoint.format {
-        Format::ArnoldTransformer => {
+        Format::ArnoldTransformer | Format::TemporalTransformer => {
             let tokenizer = "features_extractor.tokenizer.weight";
-            add(
-                "vocabulary",
-                shapes.axis(&shapes.first_ending("positional_encoder.embedding.weight"), 0),
-            );
+            add("vocabulary", shapes.axis(&shapes.first_containing("positional_encoder."), 0));
             add("window", shapes.axis(tokenizer, 1));
             add("embedding", shapes.axis(tokenizer, 0));
             add("heads", checkpoint.scalars.head_count);
             add("feed-forward", shapes.axis("mlp_extractor.encoder.layers.0.linear1.weight", 0));
             add("encoder layers", shapes.layers("mlp_extractor.encoder.layers."));
+            add("time encoder layers", shapes.layers("mlp_extractor.time_encoder.layers."));
             for decoder in ["_action_decoder", "decoder"] {
                 add("decoder layers", shapes.layers(&format!("mlp_extractor.{decoder}.layers.")));
             }
@@ -60,6 +58,20 @@ pub fn network_sizes(checkpoint: &Checkpoint) -> Vec<(&'static str, Vec<usize>)>
             add("observations", first.iter().find_map(|name| shapes.axis(name, 1)));
             sizes.extend(shapes.hidden("mlp_extractor.policy_net."));
             sizes.extend(shapes.axis("action_net.weight", 0).map(|size| ("actions", vec![size])));
+        }
+        Format::SacMlp => {
+            add("observations", shapes.axis("actor.latent_pi.0.weight", 1));
+            sizes.extend(shapes.hidden("actor.latent_pi."));
+            sizes.extend(shapes.axis("actor.mu.weight", 0).map(|size| ("actions", vec![size])));
+        }
+        Format::WalkingExpert => {
+            add("observations", shapes.axis("net.affine_layers.0.weight", 1));
+            sizes.extend(shapes.hidden("net.affine_layers."));
+            sizes.extend(shapes.axis("action_mean.weight", 0).map(|size| ("actions", vec![size])));
+        }
+        Format::EnsembleClassifier => {
+            add("features", shapes.axis("layer_1.weight", 1));
+            sizes.extend(shapes.hidden("layer_"));
         }
         Format::NpgMlp => {
             add("observations", shapes.axis("in_shift", 0));
@@ -80,8 +92,8 @@ impl Shapes<'_> {
         self.0.tensors.get(name)?.shape.get(axis).copied()
     }
 
-    fn first_ending(&self, end: &str) -> String {
-        self.0.tensors.keys().find(|name| name.ends_with(end)).cloned().unwrap_or_default()
+    fn first_containing(&self, part: &str) -> String {
+        self.0.tensors.keys().find(|name| name.contains(part)).cloned().unwrap_or_default()
     }
 
     /// The numbers that follow `prefix` in tensor names.

@@ -8,8 +8,8 @@ use super::allowed::Kind;
 use super::archive::Archive;
 use super::contents::TensorMap;
 use super::limits::Budget;
-use super::pickle::{self, Pickle};
-use super::records::RecordError;
+use super::pickle;
+use super::records::{Id, RecordError, Records};
 use super::storages::{StorageReference, TensorError, View, is_plain, tensor_parts};
 use super::{CheckpointError, in_pickle};
 
@@ -20,6 +20,8 @@ pub(super) struct StateDict {
     /// Name of each tensor that is the same view of the same storage as an earlier one, with that one's name.
     pub(super) aliases: BTreeMap<String, String>,
     pub(super) globals: Vec<String>,
+    /// The class of the activation function, if the file holds the policy's construction as well.
+    pub(super) activation_class: Option<String>,
 }
 
 /// The name of the one member that ends in `/data.pkl`, if `names` are those of a torch file.
@@ -44,10 +46,12 @@ pub(super) fn read_pickle_member(
     Ok((member.to_owned(), content))
 }
 
-/// Reads a modern torch file that holds a state dictionary. `part` names the file in messages.
+/// Reads a modern torch file that holds a state dictionary, as a whole or under one of the customary names. `part` names
+/// the file in messages.
 pub(super) fn read_state_dict(
     bytes: &[u8],
     part: &str,
+    kind: Kind,
     budget: &mut Budget,
 ) -> Result<StateDict, CheckpointError> {
     let mut archive = Archive::open(bytes, budget)?;
@@ -58,8 +62,16 @@ pub(super) fn read_state_dict(
         let tensor = part.to_owned();
         return Err(CheckpointError::Tensor { tensor, fault: TensorError::BigEndian });
     }
-    let pickle = pickle::read(&content, Kind::TorchArchive, budget).map_err(in_pickle(part))?;
-    let (groups, aliases) = views_by_storage(&pickle, part, budget)?;
+    let pickle = pickle::read(&content, kind, budget).map_err(in_pickle(part))?;
+    let records = &pickle.records;
+    let root = NAMES_OF_STATE.iter().find_map(|name| {
+        records.value(pickle.root, name).filter(|&inner| records.pairs(inner).is_some())
+    });
+    let construction = records.value(pickle.root, "data");
+    let activation_class = construction
+        .and_then(|data| records.global(records.value(data, "activation_fn")?))
+        .map(str::to_owned);
+    let (groups, aliases) = views_by_storage(records, root.unwrap_or(pickle.root), part, budget)?;
 
     let mut tensors = TensorMap::new();
     let mut content = Vec::new();
@@ -78,8 +90,12 @@ pub(super) fn read_state_dict(
             tensors.insert(alias.clone(), tensor);
         }
     }
-    Ok(StateDict { tensors, aliases, globals: pickle.records.globals().to_vec() })
+    Ok(StateDict { tensors, aliases, globals: records.globals().to_vec(), activation_class })
 }
+
+/// Names under which a file keeps its state dictionary when it keeps other things as well: `policy.save` of
+/// Stable-Baselines3, and the walking expert.
+const NAMES_OF_STATE: [&str; 2] = ["state_dict", "policy"];
 
 /// The different views of one storage, each with the first name it has.
 type ViewGroup = (StorageReference, BTreeMap<View, String>);
@@ -87,14 +103,14 @@ type ViewGroup = (StorageReference, BTreeMap<View, String>);
 /// The distinct views of a state dictionary grouped by storage, so that each storage is read once, and the aliases.
 /// The memory of all tensors is charged here, before the first of them is read.
 fn views_by_storage(
-    pickle: &Pickle<'_>,
+    records: &Records<'_>,
+    root: Id,
     part: &str,
     budget: &mut Budget,
 ) -> Result<(Vec<ViewGroup>, BTreeMap<String, String>), CheckpointError> {
-    let records = &pickle.records;
     let in_part = |fault| CheckpointError::Record { part: part.to_owned(), fault };
-    let pairs = records.pairs(pickle.root).ok_or_else(|| {
-        in_part(records.unexpected("state dictionary", pickle.root, "a dictionary of tensors"))
+    let pairs = records.pairs(root).ok_or_else(|| {
+        in_part(records.unexpected("state dictionary", root, "a dictionary of tensors"))
     })?;
     let mut groups: BTreeMap<String, ViewGroup> = BTreeMap::new();
     let mut aliases = BTreeMap::new();

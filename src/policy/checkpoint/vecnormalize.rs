@@ -111,12 +111,15 @@ impl Reader<'_, '_> {
         }
         let table = self.require(moments, "sig_ids_dict")?;
         let signatures = self.signatures(table, rows)?;
-        checked("mean_mat", mean.to_f64(), f64::NEG_INFINITY)?;
-        checked("var_mat", variance.to_f64(), 0.0)?;
+        let (mean, variance) = (mean.to_f32(), variance.to_f32());
+        // As they will be used: a number that is finite in eight bytes may not be in four.
+        let wide = |values: &[f32]| values.iter().copied().map(f64::from).collect();
+        checked("mean_mat", wide(&mean), f64::NEG_INFINITY)?;
+        checked("var_mat", wide(&variance), 0.0)?;
         Ok(SignatureStatistics {
             signatures,
-            mean: mean.to_f32(),
-            variance: variance.to_f32(),
+            mean,
+            variance,
             count: checked("count_mat", count.to_f64(), 0.0)?,
             lags,
             epsilon,

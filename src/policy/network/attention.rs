@@ -1,8 +1,7 @@
 //! Multi-head attention as PyTorch packs it (`spec/policy.md` §1.6).
 //!
 //! For head `i`, with `d_h = d/h` columns each: `O_i = softmax(Q_i K_iᵀ / √d_h) V_i`; the heads are laid side by side and
-//! pass through one more dense layer. Keys are masked by leaving them out: only the first `key_count` rows of keys and
-//! values are given.
+//! pass through one more dense layer. Keys are masked by leaving them out ([`Keys`]).
 //!
 //! Queries are worked off in blocks, so that a block's scores stay in the second-level cache. The softmax divides last:
 //! `exp` of the scores multiplies the values, and the block of `O` is divided by the sums.
@@ -17,6 +16,17 @@ use crate::policy::PolicyError;
 
 /// Queries worked off together.
 const QUERY_BLOCK: usize = 96;
+
+/// Which rows the queries may look at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Keys {
+    /// All of them.
+    All,
+    /// The first few; the others are padding.
+    First(usize),
+    /// Each query itself and the rows before it: rows are moments, and nobody sees the future.
+    Past,
+}
 
 /// Scratch memory of attention: room for one block's scores and their sums.
 #[derive(Debug, Clone)]
@@ -54,12 +64,11 @@ impl SelfAttention {
         Ok(Self { heads, project: Linear::new(width, weight, bias), output })
     }
 
-    /// `stream += attention(normed)`, the keys being the first `key_count` rows. `projected` holds three times and
-    /// `mixed` once as many numbers as `normed`.
+    /// `stream += attention(normed)`. `projected` holds three times and `mixed` once as many numbers as `normed`.
     pub(super) fn accumulate(
         &self,
         normed: &[f32],
-        key_count: usize,
+        keys: Keys,
         projected: &mut [f32],
         mixed: &mut [f32],
         scratch: &mut AttentionScratch,
@@ -69,8 +78,13 @@ impl SelfAttention {
         self.project.apply(normed, projected);
         let rows =
             MatRef::from_row_major_slice(projected, projected.len() / (3 * width), 3 * width);
+        let key_count = match keys {
+            Keys::First(count) => count,
+            Keys::All | Keys::Past => rows.nrows(),
+        };
         attend(
             self.heads,
+            keys,
             rows.subcols(0, width),
             rows.get(..key_count, width..2 * width),
             rows.get(..key_count, 2 * width..),
@@ -130,6 +144,7 @@ impl CrossAttention {
             MatRef::from_row_major_slice(keys_values, keys_values.len() / (2 * width), 2 * width);
         attend(
             self.heads,
+            Keys::All,
             MatRef::from_row_major_slice(queries, queries.len() / width, width),
             both.subcols(0, width),
             both.subcols(width, width),
@@ -143,6 +158,7 @@ impl CrossAttention {
 /// Attention of every head; `mixed` (queries × width, row-major) receives the heads side by side.
 fn attend(
     heads: usize,
+    keys: Keys,
     query: MatRef<'_, f32>,
     key: MatRef<'_, f32>,
     value: MatRef<'_, f32>,
@@ -171,8 +187,11 @@ fn attend(
             vectorised(
                 #[inline(always)]
                 || {
-                    for (row, sum) in scores.chunks_exact_mut(key_count).zip(sums.iter_mut()) {
-                        *sum = exponentiate(row);
+                    for (query, row) in scores.chunks_exact_mut(key_count).enumerate() {
+                        let seen = if keys == Keys::Past { first + query + 1 } else { key_count };
+                        let (seen, unseen) = row.split_at_mut(seen);
+                        sums[query] = exponentiate(seen);
+                        unseen.fill(0.0);
                     }
                 },
             );
@@ -206,6 +225,7 @@ mod tests {
         let mut mixed = [0.0];
         attend(
             1,
+            Keys::All,
             MatRef::from_row_major_slice(&query, 1, 1),
             MatRef::from_row_major_slice(&key, 2, 1),
             MatRef::from_row_major_slice(&value, 2, 1),
@@ -226,6 +246,7 @@ mod tests {
         let mut mixed = vec![0.0; queries * width];
         attend(
             heads,
+            Keys::All,
             MatRef::from_row_major_slice(&q, queries, width),
             MatRef::from_row_major_slice(&k, keys, width),
             MatRef::from_row_major_slice(&v, keys, width),
@@ -253,5 +274,15 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn nobody_sees_the_future() {
+        // Width 1, one head, all scores equal: every row is the mean of the values up to its own.
+        let numbers = [[0.0; 3], [1.0; 3], [6.0, 2.0, 1.0]];
+        let [query, key, value] = numbers.each_ref().map(|n| MatRef::from_row_major_slice(n, 3, 1));
+        let mut mixed = [0.0; 3];
+        attend(1, Keys::Past, query, key, value, &mut AttentionScratch::new(3), &mut mixed);
+        assert_eq!(mixed.map(f32::to_bits), [6.0_f32, 4.0, 3.0].map(f32::to_bits));
     }
 }

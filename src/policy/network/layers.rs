@@ -1,6 +1,6 @@
 //! The transformer's layers: each adds its branches to a running stream of rows, normalising before every branch.
 
-use super::attention::{AttentionScratch, CrossAttention, SelfAttention};
+use super::attention::{AttentionScratch, CrossAttention, Keys, SelfAttention};
 use super::layer_norm::LayerNorm;
 use super::linear::Linear;
 use super::weights::Weights;
@@ -147,9 +147,8 @@ impl EncoderLayer {
         })
     }
 
-    pub(super) fn apply(&self, stream: &mut [f32], scratch: &mut Scratch) {
-        let rows = stream.len() / self.feed_forward.widen.inputs();
-        attend_to_itself(&self.norm, &self.attention, stream, rows, scratch);
+    pub(super) fn apply(&self, stream: &mut [f32], keys: Keys, scratch: &mut Scratch) {
+        attend_to_itself(&self.norm, &self.attention, stream, keys, scratch);
         self.feed_forward.accumulate(stream, scratch);
     }
 }
@@ -185,7 +184,8 @@ impl DecoderLayer {
         key_count: usize,
         scratch: &mut Scratch,
     ) {
-        attend_to_itself(&self.self_norm, &self.self_attention, stream, key_count, scratch);
+        let keys = Keys::First(key_count);
+        attend_to_itself(&self.self_norm, &self.self_attention, stream, keys, scratch);
     }
 
     /// The other two branches.
@@ -214,17 +214,51 @@ fn attend_to_itself(
     norm: &LayerNorm,
     attention: &SelfAttention,
     stream: &mut [f32],
-    key_count: usize,
+    keys: Keys,
     scratch: &mut Scratch,
 ) {
     let normed = &mut scratch.normed[..stream.len()];
     norm.apply(stream, normed);
     attention.accumulate(
         normed,
-        key_count,
+        keys,
         &mut scratch.projected[..3 * stream.len()],
         &mut scratch.mixed[..stream.len()],
         &mut scratch.attention,
         stream,
     );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_published_size_has_the_published_number_of_parameters() {
+        // `spec/policy.md` §1.12: width, layers, heads, feed-forward; stored in the file, distinct.
+        for (width, layers, heads, feed_forward, stored, distinct) in [
+            (128, 6, 4, 512, 4_450_564, 4_393_732),
+            (64, 3, 4, 512, 890_692, 862_276),
+            (32, 3, 2, 512, 386_212, 372_004),
+            (16, 3, 2, 256, 104_020, 96_916),
+        ] {
+            let sizes = Sizes {
+                vocabulary: 214,
+                lags: 6,
+                width,
+                heads,
+                feed_forward,
+                encoder_layers: layers,
+                decoder_layers: layers,
+            };
+            let count = |prefix: &str| -> usize {
+                let shapes = sizes.tensor_shapes().into_iter();
+                let named = shapes.filter(|(name, _)| name.starts_with(prefix));
+                named.map(|(_, shape)| shape.iter().product::<usize>()).sum()
+            };
+            // The extractor is in the file three times, the decoders' last norm twice.
+            assert_eq!(count("") + 2 * count("features_extractor."), stored);
+            assert_eq!(count("") - count("mlp_extractor._value_decoder.norm."), distinct);
+        }
+    }
 }

@@ -1,5 +1,7 @@
 //! A plain multilayer perceptron: dense layers with one activation between them.
 
+use statrs::function::erf::erf;
+
 use super::linear::Linear;
 use super::weights::Weights;
 use crate::policy::PolicyError;
@@ -34,7 +36,7 @@ impl Mlp {
             layers.push(Linear::read(weights, name, width, outputs)?);
             width = outputs;
         }
-        Ok(Self { layers, activation: function_of(activation)?, activates_last })
+        Ok(Self { layers, activation: function_of(activation), activates_last })
     }
 
     /// Length of the output for an input of length `inputs`.
@@ -73,18 +75,20 @@ impl Mlp {
     }
 }
 
-/// The function of that name. GELU is refused: no published policy uses it, and none of ours could be checked.
-fn function_of(activation: Activation) -> Result<fn(f32) -> f32, PolicyError> {
-    Ok(match activation {
+/// The function of that name.
+fn function_of(activation: Activation) -> fn(f32) -> f32 {
+    match activation {
         // A NaN stays a NaN.
         Activation::Relu => |x| if x <= 0.0 { 0.0 } else { x },
         Activation::Tanh => f32::tanh,
         Activation::Elu => |x| if x > 0.0 { x } else { x.exp_m1() },
         Activation::Silu => |x| x / (1.0 + (-x).exp()),
-        Activation::Gelu => {
-            return Err(PolicyError::Unsupported { what: "activation function GELU".to_owned() });
-        }
-    })
+        // x Φ(x) with the normal distribution function, torch's default form.
+        Activation::Gelu => |x| {
+            let x = f64::from(x);
+            (0.5 * x * (1.0 + erf(x * std::f64::consts::FRAC_1_SQRT_2))) as f32
+        },
+    }
 }
 
 #[cfg(test)]

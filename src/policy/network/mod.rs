@@ -1,6 +1,7 @@
 //! The networks, inference only, in single precision.
 //!
-//! * [`transformer`]: the muscle transformer, made of `layers`, `attention`, `layer_norm`.
+//! * [`transformer`]: the muscle transformer, made of `words`, `layers`, `attention`, `layer_norm`.
+//! * [`temporal`]: its successor that attends over time, too.
 //! * `lstm`, `mlp`: what the single-task experts are made of.
 //! * `linear`, `elementwise`, `weights`: what all of them are made of.
 
@@ -11,7 +12,9 @@ mod layers;
 pub(super) mod linear;
 pub(super) mod lstm;
 pub(super) mod mlp;
+pub mod temporal;
 pub mod transformer;
 pub(super) mod weights;
+mod words;
 
 pub use layers::Sizes;

@@ -8,25 +8,22 @@
 //! One observation passes through the whole network at a time, so its activations stay in the cache and no row knows of
 //! any other. What depends on the task alone is computed once, by [`Transformer::prepare`].
 
+use super::attention::Keys;
 use super::layer_norm::LayerNorm;
 use super::layers::{DecoderLayer, EncoderLayer, Scratch, Sizes};
 use super::linear::{Head, Linear};
 use super::weights::Weights;
+use super::words::WordTables;
 use crate::policy::PolicyError;
 use crate::policy::checkpoint::contents::TensorMap;
-
-/// Vocabulary id of the word that asks for the value.
-const VALUE_WORD: usize = 1;
 
 /// The network of one checkpoint.
 #[derive(Debug, Clone)]
 pub struct Transformer {
     sizes: Sizes,
     tokenizer: Linear,
-    /// Words × width.
-    embedding: Vec<f32>,
-    encoder: Vec<EncoderLayer>,
-    encoder_norm: LayerNorm,
+    words: WordTables,
+    encoder: Encoder,
     action_decoder: Decoder,
     /// Absent when actor and critic share the action decoder.
     value_decoder: Option<Decoder>,
@@ -36,6 +33,14 @@ pub struct Transformer {
     log_standard_deviation: f32,
 }
 
+/// A stack of encoder layers and its final norm.
+#[derive(Debug, Clone)]
+pub(super) struct Encoder {
+    pub(super) layers: Vec<EncoderLayer>,
+    pub(super) norm: LayerNorm,
+}
+
+/// A stack of decoder layers and its final norm.
 #[derive(Debug, Clone)]
 struct Decoder {
     layers: Vec<DecoderLayer>,
@@ -51,6 +56,10 @@ pub struct TaskConstants {
     muscle_count: usize,
     /// Sum of the word embeddings of each token, tokens × width.
     token_words: Vec<f32>,
+    /// Sum of the word embeddings of each query, queries × width.
+    pub(super) query_words: Vec<f32>,
+    /// Embedding of the word that asks for the value.
+    value_query: Vec<f32>,
     /// The queries after the first decoder layer's self-attention, which sees nothing but them.
     first_queries: Vec<f32>,
 }
@@ -58,11 +67,11 @@ pub struct TaskConstants {
 /// Memory for one observation's way through the network.
 #[derive(Debug, Clone)]
 pub struct Workspace {
-    stream: Vec<f32>,
-    memory: Vec<f32>,
-    queries: Vec<f32>,
+    pub(super) stream: Vec<f32>,
+    pub(super) memory: Vec<f32>,
+    pub(super) queries: Vec<f32>,
     latent: Vec<f32>,
-    scratch: Scratch,
+    pub(super) scratch: Scratch,
 }
 
 impl Transformer {
@@ -74,28 +83,20 @@ impl Transformer {
     ) -> Result<Self, PolicyError> {
         let weights = Weights(tensors);
         let tokens = "features_extractor.tokenizer";
-        let words = "features_extractor.positional_encoder.embedding.weight";
         let encoder = "mlp_extractor.encoder";
         let shared = weights.has("mlp_extractor.decoder.norm.weight");
         let action_decoder =
             if shared { "mlp_extractor.decoder" } else { "mlp_extractor._action_decoder" };
 
-        let [vocabulary, width] = weights.matrix_size(words)?;
-        let [_, lags] = weights.matrix_size(&format!("{tokens}.weight"))?;
+        let [width, lags] = weights.matrix_size(&format!("{tokens}.weight"))?;
+        let words = WordTables::read(weights, width)?;
         let [feed_forward, _] =
             weights.matrix_size(&format!("{encoder}.layers.0.linear1.weight"))?;
-        if vocabulary <= VALUE_WORD {
-            return Err(PolicyError::TensorShape {
-                name: words.to_owned(),
-                expected: "at least two words".to_owned(),
-                found: vec![vocabulary, width],
-            });
-        }
         if heads == 0 || !width.is_multiple_of(heads) {
             return Err(PolicyError::Heads { heads, width });
         }
         let sizes = Sizes {
-            vocabulary,
+            vocabulary: words.len(),
             lags,
             width,
             heads,
@@ -108,11 +109,8 @@ impl Transformer {
         Ok(Self {
             sizes,
             tokenizer: Linear::read(weights, tokens, lags, width)?,
-            embedding: weights.tensor(words, &[vocabulary, width])?.to_vec(),
-            encoder: (0..sizes.encoder_layers)
-                .map(|k| EncoderLayer::read(weights, &format!("{encoder}.layers.{k}"), &sizes))
-                .collect::<Result<_, _>>()?,
-            encoder_norm: LayerNorm::read(weights, &format!("{encoder}.norm"), width)?,
+            words,
+            encoder: Encoder::read(weights, encoder, &sizes)?,
             action_decoder: Decoder::read(weights, action_decoder, &sizes)?,
             value_decoder: if shared {
                 None
@@ -131,25 +129,43 @@ impl Transformer {
         &self.sizes
     }
 
-    /// Everything that depends on the task alone. `with_padding` adds one query without words: what a muscle that only
-    /// pads a batch looks like to the network. No muscle looks at it.
+    /// The tasks that have a table of embeddings of their own; empty if all tasks share one.
+    #[must_use]
+    pub fn tasks_with_own_words(&self) -> Vec<&str> {
+        self.words.tasks()
+    }
+
+    /// Everything that depends on the task alone, which is named for networks that give every task its own words.
+    /// `with_padding` adds one query without words: what a muscle that only pads a batch looks like to the network. No
+    /// muscle looks at it.
     pub fn prepare(
         &self,
+        task: &str,
         observation_words: &[Vec<u16>],
         action_words: &[Vec<u16>],
         with_padding: bool,
     ) -> Result<TaskConstants, PolicyError> {
-        let token_words = self.sum_of_words(observation_words)?;
-        let mut first_queries = self.sum_of_words(action_words)?;
+        let words = self.words.of_task(task)?;
+        let token_words = words.sums(observation_words)?;
+        let mut query_words = words.sums(action_words)?;
         let muscle_count = action_words.len();
         let query_count = muscle_count + usize::from(with_padding);
-        first_queries.resize(query_count * self.sizes.width, 0.0);
+        query_words.resize(query_count * self.sizes.width, 0.0);
+        let mut first_queries = query_words.clone();
         if let Some(first) = self.action_decoder.layers.first() {
             let mut scratch = Scratch::new(&self.sizes, query_count);
             first.attend_to_queries(&mut first_queries, muscle_count, &mut scratch);
         }
         let token_count = observation_words.len();
-        Ok(TaskConstants { token_count, query_count, muscle_count, token_words, first_queries })
+        Ok(TaskConstants {
+            token_count,
+            query_count,
+            muscle_count,
+            token_words,
+            query_words,
+            value_query: words.value_query().to_vec(),
+            first_queries,
+        })
     }
 
     /// Memory for observations of `task`.
@@ -168,22 +184,36 @@ impl Transformer {
 
     /// Encodes one observation: normalised windows, tokens × lags, oldest first.
     pub fn encode(&self, task: &TaskConstants, windows: &[f32], workspace: &mut Workspace) {
-        let stream = &mut workspace.stream;
-        stream.copy_from_slice(&task.token_words);
-        self.tokenizer.accumulate(windows, stream);
-        for layer in &self.encoder {
-            layer.apply(stream, &mut workspace.scratch);
-        }
-        self.encoder_norm.apply(stream, &mut workspace.memory);
+        self.embed(task, windows, workspace);
+        let Workspace { stream, memory, scratch, .. } = workspace;
+        self.encoder.apply(stream, Keys::All, memory, scratch);
+    }
+
+    /// Fills the stream with one observation's tokens: its windows and its words.
+    pub(super) fn embed(&self, task: &TaskConstants, windows: &[f32], workspace: &mut Workspace) {
+        workspace.stream.copy_from_slice(&task.token_words);
+        self.tokenizer.accumulate(windows, &mut workspace.stream);
     }
 
     /// Decodes the actions of the observation encoded last and writes their means, one per muscle.
     pub fn action_means(&self, task: &TaskConstants, workspace: &mut Workspace, means: &mut [f32]) {
+        workspace.queries.copy_from_slice(&task.first_queries);
+        self.decode_actions(task, true, workspace, means);
+    }
+
+    /// Decodes the queries in the workspace. `past_first` says that they have been through the first layer's
+    /// self-attention already.
+    pub(super) fn decode_actions(
+        &self,
+        task: &TaskConstants,
+        past_first: bool,
+        workspace: &mut Workspace,
+        means: &mut [f32],
+    ) {
         let width = self.sizes.width;
         let Workspace { memory, queries, latent, scratch, .. } = workspace;
-        queries.copy_from_slice(&task.first_queries);
         for (k, layer) in self.action_decoder.layers.iter().enumerate() {
-            if k > 0 {
+            if k > 0 || !past_first {
                 layer.attend_to_queries(queries, task.muscle_count, scratch);
             }
             layer.attend_to_memory(queries, memory, scratch);
@@ -216,12 +246,12 @@ impl Transformer {
     }
 
     /// Value of the observation encoded last. Overwrites the decoded actions.
-    pub fn value(&self, workspace: &mut Workspace) -> f32 {
+    pub fn value(&self, task: &TaskConstants, workspace: &mut Workspace) -> f32 {
         let width = self.sizes.width;
         let decoder = self.value_decoder.as_ref().unwrap_or(&self.action_decoder);
         let Workspace { memory, queries, latent, scratch, .. } = workspace;
         let query = &mut queries[..width];
-        query.copy_from_slice(&self.embedding[VALUE_WORD * width..(VALUE_WORD + 1) * width]);
+        query.copy_from_slice(&task.value_query);
         for layer in &decoder.layers {
             layer.attend_to_queries(query, 1, scratch);
             layer.attend_to_memory(query, memory, scratch);
@@ -242,23 +272,38 @@ impl Transformer {
     pub fn log_standard_deviation(&self) -> f32 {
         self.log_standard_deviation
     }
+}
 
-    fn sum_of_words(&self, descriptions: &[Vec<u16>]) -> Result<Vec<f32>, PolicyError> {
-        let width = self.sizes.width;
-        let mut sums = vec![0.0; descriptions.len() * width];
-        for (sum, words) in sums.chunks_exact_mut(width).zip(descriptions) {
-            for &word in words {
-                let start = usize::from(word) * width;
-                let row = self
-                    .embedding
-                    .get(start..start + width)
-                    .ok_or(PolicyError::UnknownWord { word, vocabulary: self.sizes.vocabulary })?;
-                for (s, &e) in sum.iter_mut().zip(row) {
-                    *s += e;
-                }
-            }
+impl TaskConstants {
+    #[must_use]
+    pub fn token_count(&self) -> usize {
+        self.token_count
+    }
+}
+
+impl Encoder {
+    /// Reads as many layers as `sizes` says.
+    pub(super) fn read(weights: Weights, name: &str, sizes: &Sizes) -> Result<Self, PolicyError> {
+        Ok(Self {
+            layers: (0..sizes.encoder_layers)
+                .map(|k| EncoderLayer::read(weights, &format!("{name}.layers.{k}"), sizes))
+                .collect::<Result<_, _>>()?,
+            norm: LayerNorm::read(weights, &format!("{name}.norm"), sizes.width)?,
+        })
+    }
+
+    /// Sends the stream through all layers and writes it, normalised, to `memory`.
+    pub(super) fn apply(
+        &self,
+        stream: &mut [f32],
+        keys: Keys,
+        memory: &mut [f32],
+        scratch: &mut Scratch,
+    ) {
+        for layer in &self.layers {
+            layer.apply(stream, keys, scratch);
         }
-        Ok(sums)
+        self.norm.apply(stream, memory);
     }
 }
 

@@ -19,6 +19,25 @@ impl<'a> Weights<'a> {
         names.take_while(|name| self.has(&format!("{name}.weight"))).collect()
     }
 
+    /// What stands between `start` and `end` in the names that have both, sorted.
+    pub(in crate::policy) fn names_between(self, start: &str, end: &str) -> Vec<String> {
+        let middle = |name: &String| name.strip_prefix(start)?.strip_suffix(end).map(str::to_owned);
+        self.0.keys().filter_map(middle).collect()
+    }
+
+    /// The names of an actor-critic's dense layers: those that actor and critic share, which only old files have, then
+    /// those of `branch`, `policy_net` or `value_net`.
+    pub(in crate::policy) fn hidden_layers(self, branch: &str) -> Vec<String> {
+        let mut names = self.numbered(|k| format!("mlp_extractor.shared_net.{}", 2 * k));
+        names.extend(self.numbered(|k| format!("mlp_extractor.{branch}.{}", 2 * k)));
+        names
+    }
+
+    /// The shape of tensor `name`.
+    pub(in crate::policy) fn shape(self, name: &str) -> Result<&'a [usize], PolicyError> {
+        Ok(&self.find(name)?.shape)
+    }
+
     /// The elements of tensor `name`, which must have exactly `shape`.
     pub(in crate::policy) fn tensor(
         self,
@@ -47,19 +66,6 @@ impl<'a> Weights<'a> {
                 found: tensor.shape.clone(),
             }),
         }
-    }
-
-    /// The elements of vector `name`, whatever its length.
-    pub(in crate::policy) fn vector(self, name: &str) -> Result<&'a [f32], PolicyError> {
-        let tensor = self.find(name)?;
-        if tensor.shape.len() != 1 {
-            return Err(PolicyError::TensorShape {
-                name: name.to_owned(),
-                expected: "a vector".to_owned(),
-                found: tensor.shape.clone(),
-            });
-        }
-        Self::checked(name, tensor)
     }
 
     fn find(self, name: &str) -> Result<&'a Tensor, PolicyError> {

@@ -1,10 +1,17 @@
 //! The families of policies that can be played, each behind the same two traits.
 
+pub mod ensemble;
+mod exploration;
+mod input;
 pub mod mlp;
+pub mod muscle_model;
 pub mod recurrent;
+mod subspace;
+pub mod temporal;
 pub mod transformer;
+pub mod uniform;
+pub mod walking;
 
-use super::network::weights::Weights;
 use super::{PolicyError, TaskInterface};
 
 /// Fails, naming both numbers, unless the task has them as the policy expects.
@@ -24,35 +31,15 @@ fn check_sizes(
     Ok(())
 }
 
-/// Standard deviations of a policy, one per muscle, or that they are not known.
-#[derive(Debug, Clone)]
-enum Exploration {
-    Gaussian(Vec<f32>),
-    Unknown,
-}
-
-impl Exploration {
-    /// `exp(log_std)` if there is one entry per muscle. Other shapes belong to schemes whose standard deviation depends
-    /// on the state and on settings that the tensors do not tell (`spec/policy.md` §4.3).
-    fn read(weights: Weights, muscle_count: usize) -> Result<Self, PolicyError> {
-        Ok(match weights.vector("log_std") {
-            Ok(logarithms) if logarithms.len() == muscle_count => {
-                Self::Gaussian(logarithms.iter().map(|x| x.exp()).collect())
-            }
-            Ok(_) | Err(PolicyError::TensorShape { .. }) => Self::Unknown,
-            Err(error) => return Err(error),
-        })
+/// Fails, naming both numbers, if the task has more of `what` than the policy was made for.
+fn check_at_most(
+    task: &TaskInterface,
+    what: &'static str,
+    expected: usize,
+    found: usize,
+) -> Result<(), PolicyError> {
+    if found > expected {
+        return Err(PolicyError::DoesNotFit { what, expected, found, task: task.task.clone() });
     }
-
-    fn is_known(&self) -> bool {
-        matches!(self, Self::Gaussian(_))
-    }
-
-    /// Fills one row; NaN if they are not known.
-    fn write(&self, row: &mut [f32]) {
-        match self {
-            Self::Gaussian(deviations) => row.copy_from_slice(deviations),
-            Self::Unknown => row.fill(f32::NAN),
-        }
-    }
+    Ok(())
 }

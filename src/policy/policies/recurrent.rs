@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 
-use super::{Exploration, check_sizes};
+use super::check_sizes;
+use super::exploration::{Exploration, NoiseMemory};
+use super::mlp::activation;
 use crate::policy::PolicyError;
-use crate::policy::checkpoint::contents::{Activation, ComponentStatistics, TensorMap};
+use crate::policy::checkpoint::contents::{ComponentStatistics, Scalars, TensorMap};
 use crate::policy::interface::{Actor, ObservationVariant, Policy, TaskInterface};
 use crate::policy::network::linear::Linear;
 use crate::policy::network::lstm::{Lstm, LstmState};
@@ -44,20 +46,21 @@ pub(in crate::policy) struct BranchScratch {
 }
 
 impl RecurrentPolicy {
-    /// Reads the networks off a checkpoint's tensors. `activation` is needed only if there are dense layers.
+    /// Reads the networks off a checkpoint's tensors. A critic without a recurrent layer of its own (one that shares the
+    /// actor's, or has none) is not read: nothing asks for its values.
     pub fn from_tensors(
         tensors: &TensorMap,
-        activation: Option<Activation>,
+        scalars: &Scalars,
         statistics: &ComponentStatistics,
     ) -> Result<Self, PolicyError> {
         let weights = Weights(tensors);
-        let actor = Branch::read(weights, "lstm_actor", "policy_net", "action_net", activation)?;
+        let actor = Branch::read(weights, "lstm_actor", "policy_net", "action_net", scalars)?;
         let critic = if weights.has("lstm_critic.weight_hh_l0") {
-            Some(Branch::read(weights, "lstm_critic", "value_net", "value_net", activation)?)
+            Some(Branch::read(weights, "lstm_critic", "value_net", "value_net", scalars)?)
         } else {
             None
         };
-        let exploration = Exploration::read(weights, actor.head.outputs())?;
+        let exploration = Exploration::read(weights, "action_net", scalars.exploration.as_ref())?;
         let normaliser = ComponentNormaliser::new(statistics, actor.lstm.inputs())?;
         let network = RecurrentNetwork { normaliser, actor, critic, exploration };
         Ok(Self { network: Arc::new(network) })
@@ -96,16 +99,11 @@ impl Branch {
         lstm: &str,
         hidden: &str,
         head: &str,
-        activation: Option<Activation>,
+        scalars: &Scalars,
     ) -> Result<Self, PolicyError> {
         let lstm = Lstm::read(weights, lstm)?;
-        let names = weights.numbered(|k| format!("mlp_extractor.{hidden}.{}", 2 * k));
-        let activation = match activation {
-            Some(activation) => activation,
-            // Without dense layers it is never used.
-            None if names.is_empty() => Activation::Relu,
-            None => return Err(PolicyError::Missing { what: "the activation function" }),
-        };
+        let names = weights.hidden_layers(hidden);
+        let activation = activation(&names, scalars)?;
         let hidden = Mlp::read(weights, &names, lstm.width(), activation, true)?;
         let inputs = hidden.outputs(lstm.width());
         let [outputs, _] = weights.matrix_size(&format!("{head}.weight"))?;
@@ -121,17 +119,18 @@ impl Branch {
         BranchScratch { gates: vec![0.0; 4 * self.lstm.width()], hidden: self.hidden.scratch() }
     }
 
-    /// Advances `state` by one normalised observation and writes the head's output.
-    pub(in crate::policy) fn step(
+    /// Advances `state` by one normalised observation, writes the head's output and returns what the head saw.
+    pub(in crate::policy) fn step<'a>(
         &self,
         observation: &[f32],
-        state: &mut LstmState,
-        scratch: &mut BranchScratch,
+        state: &'a mut LstmState,
+        scratch: &'a mut BranchScratch,
         output: &mut [f32],
-    ) {
+    ) -> &'a [f32] {
         self.lstm.step(observation, state, &mut scratch.gates);
         let latent = self.hidden.apply(state.output(self.lstm.width()), &mut scratch.hidden);
         self.head.apply(latent, output);
+        latent
     }
 }
 
@@ -152,6 +151,7 @@ impl Policy for RecurrentPolicy {
             states: vec![actor.initial_state(); slots],
             normalised: vec![0.0; actor.lstm.inputs()],
             scratch: actor.scratch(),
+            noise: self.network.exploration.memory(slots),
         }))
     }
 }
@@ -161,6 +161,7 @@ struct RecurrentActor {
     states: Vec<LstmState>,
     normalised: Vec<f32>,
     scratch: BranchScratch,
+    noise: NoiseMemory,
 }
 
 impl Actor for RecurrentActor {
@@ -168,6 +169,7 @@ impl Actor for RecurrentActor {
         let state = &mut self.states[slot];
         state.hidden.fill(0.0);
         state.cell.fill(0.0);
+        self.noise.reset(slot);
     }
 
     fn act(
@@ -182,19 +184,68 @@ impl Actor for RecurrentActor {
             let raw = &observations[row * length..(row + 1) * length];
             let columns = row * muscles..(row + 1) * muscles;
             self.network.normaliser.apply(raw, &mut self.normalised);
-            self.network.actor.step(
+            let latent = self.network.actor.step(
                 &self.normalised,
                 &mut self.states[slot],
                 &mut self.scratch,
                 &mut action_means[columns.clone()],
             );
             if let Some(deviations) = &mut standard_deviations {
-                self.network.exploration.write(&mut deviations[columns]);
+                let row = &mut deviations[columns];
+                self.network.exploration.write(latent, &mut self.noise, slot, row);
             }
         }
     }
 
+    fn sample(
+        &mut self,
+        slot: usize,
+        standard_deviations: &[f32],
+        action: &mut [f32],
+        normal: &mut dyn FnMut() -> f64,
+    ) {
+        let exploration = &self.network.exploration;
+        exploration.sample(&mut self.noise, slot, standard_deviations, action, normal);
+    }
+
     fn clips_actions(&self) -> bool {
         true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::npz::Arrays;
+    use crate::policy::checkpoint::contents::Normaliser;
+    use crate::policy::checkpoint::{self, Limits};
+
+    #[test]
+    fn a_critic_of_two_layers_values_as_the_library() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/experts");
+        let file = |end: &str| folder.join(format!("recurrent_two_layers{end}"));
+        let limits = Limits::default();
+        let read = checkpoint::open(&file(".zip"), &limits).unwrap();
+        let statistics = checkpoint::open_normaliser(&file("_vecnormalize.pkl"), &limits).unwrap();
+        let Normaliser::PerComponent(statistics) = statistics else { panic!("wrong kind") };
+        let policy = RecurrentPolicy::from_tensors(&read.tensors, &read.scalars, &statistics);
+        let policy = policy.unwrap();
+        let network = policy.network();
+        let critic = network.critic().unwrap();
+        let recorded = Arrays::open(&file("_io.npz")).unwrap();
+        let values = |name: &str| recorded.get(name).unwrap().to_f32();
+        let (mut state, mut scratch) = (critic.initial_state(), critic.scratch());
+        let (observations, starts) = (values("obs"), values("start"));
+        for ((raw, start), expected) in observations.chunks(5).zip(starts).zip(values("value")) {
+            if start != 0.0 {
+                state = critic.initial_state();
+            }
+            let (mut input, mut value) = ([0.0; 5], [0.0]);
+            network.normaliser().apply(raw, &mut input);
+            critic.step(&input, &mut state, &mut scratch, &mut value);
+            assert!((value[0] - expected).abs() < 1e-5, "{}, not {expected}", value[0]);
+        }
     }
 }

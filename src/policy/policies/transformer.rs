@@ -7,23 +7,26 @@ use crate::policy::checkpoint::contents::SignatureStatistics;
 use crate::policy::history::History;
 use crate::policy::interface::{Actor, ObservationVariant, Policy, TaskInterface};
 use crate::policy::network::transformer::{TaskConstants, Transformer, Workspace};
-use crate::policy::normaliser::{
-    SignatureNormaliser, check_signature_statistics, unknown_signatures,
-};
-use crate::policy::vocabulary::Vocabulary;
+use crate::policy::normaliser::SignatureNormaliser;
+use crate::policy::speech::{Descriptions, Speech};
 
 /// A muscle transformer with the normaliser it was trained with.
 #[derive(Debug, Clone)]
 pub struct TransformerPolicy {
     network: Arc<Transformer>,
-    statistics: SignatureStatistics,
+    speech: Speech,
 }
 
 impl TransformerPolicy {
     /// Refuses statistics that do not fit the network.
     pub fn new(network: Transformer, statistics: SignatureStatistics) -> Result<Self, PolicyError> {
-        check_signature_statistics(&statistics, network.sizes().lags)?;
-        Ok(Self { network: Arc::new(network), statistics })
+        let speech = Speech::new(statistics, network.sizes().lags)?;
+        Ok(Self::speaking(network, speech))
+    }
+
+    /// From a network and what its words mean.
+    pub(in crate::policy) fn speaking(network: Transformer, speech: Speech) -> Self {
+        Self { network: Arc::new(network), speech }
     }
 
     #[must_use]
@@ -33,7 +36,7 @@ impl TransformerPolicy {
 
     /// The normaliser for tokens described by `words`.
     pub(in crate::policy) fn normaliser(&self, words: &[Vec<u16>]) -> SignatureNormaliser {
-        SignatureNormaliser::for_task(&self.statistics, words)
+        self.speech.normaliser(words)
     }
 }
 
@@ -43,16 +46,8 @@ impl Policy for TransformerPolicy {
     }
 
     fn bind(&self, task: &TaskInterface, slots: usize) -> Result<Box<dyn Actor>, PolicyError> {
-        for (what, expected, found) in [
-            ("described tokens", task.observation_words.len(), task.muscle_observation_length),
-            ("described muscles", task.action_words.len(), task.muscle_count),
-        ] {
-            if expected != found {
-                let task = task.task.clone();
-                return Err(PolicyError::DoesNotFit { what, expected, found, task });
-            }
-        }
-        let constants = self.network.prepare(&task.observation_words, &task.action_words, false)?;
+        let Descriptions { sensors, muscles } = self.speech.describe(task)?;
+        let constants = self.network.prepare(&task.task, &sensors, &muscles, false)?;
         let lags = self.network.sizes().lags;
         let workspace = self.network.workspace(&constants);
         Ok(Box::new(TransformerActor {
@@ -67,20 +62,7 @@ impl Policy for TransformerPolicy {
     }
 
     fn warnings(&self, task: &TaskInterface) -> Vec<String> {
-        let vocabulary = Vocabulary::standard();
-        let unknown = unknown_signatures(&self.statistics, &task.observation_words);
-        let phrase = |signature: &Vec<u16>| {
-            let word = |&id: &u16| vocabulary.word_of(id).unwrap_or("?").to_owned();
-            signature.iter().map(word).collect::<Vec<_>>().join(" ")
-        };
-        let text = |signature| {
-            format!(
-                "task `{}`: the normaliser has never seen sensor `{}`; mean 0, variance 1 are used",
-                task.task,
-                phrase(signature)
-            )
-        };
-        unknown.iter().map(text).collect()
+        self.speech.warnings(task)
     }
 }
 
@@ -183,6 +165,7 @@ mod tests {
             clean_observation_length: 0,
             observation_words: (0..SENSORS).map(|i| vec![2, 3 + i as u16]).collect(),
             action_words: (0..MUSCLES).map(|i| vec![10 + i as u16]).collect(),
+            muscle_models: Vec::new(),
         }
     }
 
@@ -270,13 +253,13 @@ mod tests {
         let separate = Transformer::from_tensors(&separate, SIZES.heads, true).unwrap();
         let shared = Transformer::from_tensors(&shared, SIZES.heads, true).unwrap();
         let run = |network: &Transformer| {
-            let task = network.prepare(&task().observation_words, &task().action_words, false);
-            let task = task.unwrap();
+            let (sensors, muscles) = (task().observation_words, task().action_words);
+            let task = network.prepare("test", &sensors, &muscles, false).unwrap();
             let mut workspace = network.workspace(&task);
             let mut means = vec![0.0; MUSCLES];
             network.encode(&task, &[0.5; SENSORS * 3], &mut workspace);
             network.action_means(&task, &mut workspace, &mut means);
-            (means, network.value(&mut workspace))
+            (means, network.value(&task, &mut workspace))
         };
         let ((means, value), (shared_means, shared_value)) = (run(&separate), run(&shared));
         assert_eq!(means, shared_means);

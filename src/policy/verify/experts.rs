@@ -179,5 +179,6 @@ fn clean_task(observation_length: usize, muscle_count: usize) -> TaskInterface {
         clean_observation_length: observation_length,
         observation_words: Vec::new(),
         action_words: Vec::new(),
+        muscle_models: Vec::new(),
     }
 }

@@ -91,7 +91,7 @@ fn verify_task(
     let width = network.sizes().width;
     let observation_words = words_of(arrays.get("obs_ids")?);
     let action_words = words_of(arrays.get("action_ids")?);
-    let constants = network.prepare(&observation_words, &action_words, false)?;
+    let constants = network.prepare(task, &observation_words, &action_words, false)?;
     let mut workspace = network.workspace(&constants);
     let normaliser = policy.normaliser(&observation_words);
 
@@ -144,7 +144,7 @@ fn verify_task(
             &recorded_log_probabilities[row..=row],
         );
         logits.push(network.scale_logits(&workspace).unwrap_or_default());
-        value.add(&[network.value(&mut workspace)], &recorded_values[row..=row]);
+        value.add(&[network.value(&constants, &mut workspace)], &recorded_values[row..=row]);
     }
     let batch = sigma_of_batch(network.log_standard_deviation(), &logits);
     batch_deviation.add(&batch, &recorded("batch_sigma", muscles)?);
@@ -181,6 +181,7 @@ fn play(
         clean_observation_length: 0,
         observation_words,
         action_words,
+        muscle_models: Vec::new(),
     };
     let mut actor = policy.bind(&task, 1)?;
     let mut means = vec![0.0; task.muscle_count];
@@ -215,6 +216,7 @@ fn verify_padded_batch(network: &Transformer, arrays: &Arrays) -> Result<Vec<Com
         let token_count = unmasked(token_masks, row);
         let muscle_count = unmasked(muscle_masks, row);
         let constants = network.prepare(
+            "padded batch",
             &observation_words[first_token..first_token + token_count],
             &action_words[first_muscle..first_muscle + muscle_count],
             true,
@@ -229,7 +231,7 @@ fn verify_padded_batch(network: &Transformer, arrays: &Arrays) -> Result<Vec<Com
         let padding = of_row.pop().unwrap_or(0.0);
         of_row.resize(muscles, padding);
         logits.push(of_row);
-        value.add(&[network.value(&mut workspace)], &recorded_values[row..=row]);
+        value.add(&[network.value(&constants, &mut workspace)], &recorded_values[row..=row]);
     }
     let sigma = sigma_of_batch(network.log_standard_deviation(), &logits);
     deviation.add(&sigma, &floats(arrays, "sigma", &[rows, muscles])?);

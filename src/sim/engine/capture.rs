@@ -3,6 +3,9 @@
 
 use std::ffi::{c_char, c_int};
 
+/// Numbers per actuator in the tables of gains and biases: `mjNGAIN` and `mjNBIAS` of both versions.
+pub(super) const ACTUATOR_PARAMETERS: usize = 10;
+
 /// An array inside `MuJoCo`'s memory. Its address stays the same for the life of its owner.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Span<T> {
@@ -32,7 +35,13 @@ pub(super) struct ModelFields {
     pub(super) qpos0: Span<f64>,
     pub(super) key_qpos: Span<f64>,
     pub(super) joint_range: Span<f64>,
+    pub(super) joint_type: Span<c_int>,
     pub(super) joint_qpos_address: Span<c_int>,
+    pub(super) joint_qvel_address: Span<c_int>,
+    pub(super) muscle_gain: Span<f64>,
+    pub(super) muscle_bias: Span<f64>,
+    pub(super) muscle_length_range: Span<f64>,
+    pub(super) muscle_acceleration: Span<f64>,
     pub(super) site_pos: Span<f64>,
     pub(super) body_pos: Span<f64>,
     pub(super) body_quat: Span<f64>,
@@ -84,7 +93,7 @@ pub(super) struct DataFields {
 macro_rules! capture {
     ($module:ident, $bindings:path) => {
         pub(super) mod $module {
-            use super::{DataFields, ModelFields, NameTable, Span};
+            use super::{ACTUATOR_PARAMETERS, DataFields, ModelFields, NameTable, Span};
             use $bindings as declared;
 
             /// # Safety
@@ -99,7 +108,13 @@ macro_rules! capture {
                     qpos0: Span::new(m.qpos0, m.nq, 1),
                     key_qpos: Span::new(m.key_qpos, m.nkey, usize::try_from(m.nq).unwrap_or(0)),
                     joint_range: Span::new(m.jnt_range, m.njnt, 2),
+                    joint_type: Span::new(m.jnt_type, m.njnt, 1),
                     joint_qpos_address: Span::new(m.jnt_qposadr, m.njnt, 1),
+                    joint_qvel_address: Span::new(m.jnt_dofadr, m.njnt, 1),
+                    muscle_gain: Span::new(m.actuator_gainprm, m.nu, ACTUATOR_PARAMETERS),
+                    muscle_bias: Span::new(m.actuator_biasprm, m.nu, ACTUATOR_PARAMETERS),
+                    muscle_length_range: Span::new(m.actuator_lengthrange, m.nu, 2),
+                    muscle_acceleration: Span::new(m.actuator_acc0, m.nu, 1),
                     site_pos: Span::new(m.site_pos, m.nsite, 3),
                     body_pos: Span::new(m.body_pos, m.nbody, 3),
                     body_quat: Span::new(m.body_quat, m.nbody, 4),

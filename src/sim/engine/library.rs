@@ -56,6 +56,14 @@ pub enum EngineError {
         /// The name that was looked for.
         name: String,
     },
+    /// The model compiles, and is not the body a task was made for.
+    #[error("the model does not fit the task: {what}, in `{path}`")]
+    WrongModel {
+        /// What the task needs, and what the model has.
+        what: String,
+        /// The model's file.
+        path: PathBuf,
+    },
 }
 
 /// `MuJoCo` functions by address; `Model` and `Data` are opaque here.
@@ -68,6 +76,8 @@ pub(super) struct Functions {
     pub(super) delete_data: unsafe extern "C" fn(*mut c_void),
     pub(super) reset_data: unsafe extern "C" fn(*const c_void, *mut c_void),
     pub(super) forward: unsafe extern "C" fn(*const c_void, *mut c_void),
+    pub(super) forward_skip: unsafe extern "C" fn(*const c_void, *mut c_void, c_int, c_int),
+    pub(super) normalize_quaternions: unsafe extern "C" fn(*const c_void, *mut f64),
     pub(super) kinematics: unsafe extern "C" fn(*const c_void, *mut c_void),
     pub(super) step: unsafe extern "C" fn(*const c_void, *mut c_void),
     pub(super) step1: unsafe extern "C" fn(*const c_void, *mut c_void),
@@ -132,6 +142,8 @@ impl Library {
                 delete_data: symbol!("mj_deleteData"),
                 reset_data: symbol!("mj_resetData"),
                 forward: symbol!("mj_forward"),
+                forward_skip: symbol!("mj_forwardSkip"),
+                normalize_quaternions: symbol!("mj_normalizeQuat"),
                 kinematics: symbol!("mj_kinematics"),
                 step: symbol!("mj_step"),
                 step1: symbol!("mj_step1"),

@@ -8,13 +8,16 @@ use std::ffi::{CStr, CString, c_char, c_int, c_void};
 use std::path::Path;
 use std::sync::Arc;
 
-use super::capture::{DataFields, ModelFields, NameTable, Span};
+use super::capture::{ACTUATOR_PARAMETERS, DataFields, ModelFields, NameTable, Span};
 use super::library::{EngineError, Library};
+use crate::policy::policies::muscle_model::{MuscleModel, MuscleParameters};
 
 /// Object type number of a body for `mj_objectVelocity`: 1 in every version since 1.0.
 const OBJECT_IS_BODY: c_int = 1;
 /// The option bit that switches actuation off: bit 10 in both versions.
 const DISABLE_ACTUATION: c_int = 1 << 10;
+/// `mjSTAGE_VEL`, the stage up to which `mj_forwardSkip` skips: the same number in both versions.
+const VELOCITY_STAGE: c_int = 2;
 
 /// A model with its state.
 pub struct Simulation {
@@ -24,6 +27,8 @@ pub struct Simulation {
     model_fields: ModelFields,
     fields: DataFields,
     model_path: Arc<Path>,
+    /// As long as `qpos`.
+    scratch: Vec<f64>,
 }
 
 // SAFETY: a body is used by one thread at a time (every method that touches memory other threads could see takes
@@ -143,8 +148,16 @@ impl Simulation {
             }
             let model_fields = library.model_fields(model);
             let fields = library.data_fields(model, data);
-            Ok(Self { library: library.clone(), model, data, model_fields, fields, model_path })
+            let scratch = vec![0.0; fields.qpos.length];
+            let library = library.clone();
+            Ok(Self { library, model, data, model_fields, fields, model_path, scratch })
         }
+    }
+
+    /// The error of a task that needs another body than this: `what` it needs, and what this has.
+    #[must_use]
+    pub fn unfit(&self, what: String) -> EngineError {
+        EngineError::WrongModel { what, path: self.model_path.to_path_buf() }
     }
 
     /// The library this body lives in.
@@ -214,6 +227,32 @@ impl Simulation {
         model_fields.geom_friction => model_geom_friction, model_geom_friction_mut;
         /// Orientations of bodies in their parent, rows of 4 (w, x, y, z).
         model_fields.body_quat => model_body_quat, model_body_quat_mut;
+    }
+
+    /// How each muscle pulls, from the compiled model.
+    #[must_use]
+    pub fn muscle_models(&self) -> Vec<MuscleModel> {
+        let m = &self.model_fields;
+        // SAFETY: the arrays belong to this body's own model.
+        let (gains, biases, ranges, accelerations) = unsafe {
+            let (gains, biases) = (slice(m.muscle_gain), slice(m.muscle_bias));
+            (gains, biases, slice(m.muscle_length_range), slice(m.muscle_acceleration))
+        };
+        let parameters = |row: &[f64; ACTUATOR_PARAMETERS]| {
+            // The last of the ten is not one of a muscle.
+            let [numbers @ .., _] = row;
+            MuscleParameters::new(numbers)
+        };
+        let rows = gains.as_chunks().0.iter().zip(biases.as_chunks().0);
+        rows.zip(ranges.as_chunks::<2>().0)
+            .zip(accelerations)
+            .map(|(((gain, bias), &length_range), &acceleration)| MuscleModel {
+                gain: parameters(gain),
+                bias: parameters(bias),
+                length_range,
+                acceleration,
+            })
+            .collect()
     }
 
     /// A floating-point array of the compiled model by `MuJoCo`'s own name, for replaying recorded models.
@@ -297,6 +336,29 @@ impl Simulation {
     pub fn forward(&mut self) {
         // SAFETY: see `reset`.
         unsafe { (self.library.functions.forward)(self.model, self.data) }
+    }
+
+    /// What [`Self::forward`] leaves when [`Self::step_first_half`] has just run and nothing was changed since, bit for
+    /// bit: positions and velocities are known, only the accelerations are computed.
+    ///
+    /// Except that every look at the positions normalises their quaternions, and in 2.3.7 a second time can move a last
+    /// bit. Then everything is computed again, as `mj_forward` does.
+    pub fn forward_after_first_half(&mut self) {
+        // SAFETY: the array belongs to this body, and nothing writes to it while it is compared.
+        let positions = unsafe { slice(self.fields.qpos) };
+        self.scratch.copy_from_slice(positions);
+        // SAFETY: the scratch memory is as long as the positions of this model.
+        unsafe {
+            (self.library.functions.normalize_quaternions)(self.model, self.scratch.as_mut_ptr());
+        }
+        if self.scratch.iter().zip(positions).any(|(new, old)| new.to_bits() != old.to_bits()) {
+            self.forward();
+        } else {
+            // SAFETY: see `reset`. The last argument asks for the sensors as well.
+            unsafe {
+                (self.library.functions.forward_skip)(self.model, self.data, VELOCITY_STAGE, 0);
+            }
+        }
     }
 
     /// `mj_forward` with the muscles switched off.
@@ -406,6 +468,24 @@ impl Simulation {
         // SAFETY: the array belongs to this body's model.
         let addresses = unsafe { slice(self.model_fields.joint_qpos_address) };
         usize::try_from(addresses[joint]).unwrap_or(0)
+    }
+
+    /// Index of joint `joint`'s first velocity in `qvel`.
+    #[must_use]
+    pub fn joint_qvel_address(&self, joint: usize) -> usize {
+        // SAFETY: the array belongs to this body's model.
+        let addresses = unsafe { slice(self.model_fields.joint_qvel_address) };
+        usize::try_from(addresses[joint]).unwrap_or(0)
+    }
+
+    /// Whether joint `joint` moves along an axis.
+    #[must_use]
+    pub fn joint_slides(&self, joint: usize) -> bool {
+        /// The same number in both versions.
+        const SLIDE: c_int = 2;
+        // SAFETY: the array belongs to this body's model.
+        let types = unsafe { slice(self.model_fields.joint_type) };
+        types[joint] == SLIDE
     }
 }
 

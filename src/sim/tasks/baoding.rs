@@ -22,8 +22,8 @@ use crate::sim::random::Random;
 use crate::sim::rotation::euler_of_matrix;
 
 use super::{
-    BuildResult, RecordedStart, RewardConfiguration, Task, Verdict, activation_cost, indicator,
-    norm, row3, start_from,
+    BuildResult, RecordedStart, RewardConfiguration, Start, Task, Threshold, Verdict,
+    activation_cost, indicator, norm, row3, start_from,
 };
 
 /// Distance below which a ball is on its target, m.
@@ -53,6 +53,13 @@ pub enum Direction {
 impl Direction {
     /// In the order of the published random choice.
     const ALL: [Self; 3] = [Self::Hold, Self::Clockwise, Self::CounterClockwise];
+
+    /// What the targets do, in the same order.
+    const PHRASES: &[&str] = &["stand still", "turn clockwise", "turn counter-clockwise"];
+
+    fn phrase(self) -> &'static str {
+        Self::PHRASES[self as usize]
+    }
 
     fn sign(self) -> f64 {
         match self {
@@ -270,6 +277,45 @@ impl Task for Baoding {
         }
     }
 
+    fn thresholds(&self) -> Vec<Threshold> {
+        vec![
+            Threshold::solved_below("each ball to its target", NEAR, "m"),
+            Threshold::solved_above("height of each ball", DROP_HEIGHT, "m"),
+            Threshold::ends_below("height of a ball", DROP_HEIGHT, "m"),
+        ]
+    }
+
+    fn starts(&self) -> Vec<Start> {
+        let v = self.variant;
+        let range = |quantity, (low, high): (f64, f64), unit| {
+            Start::uniform(quantity, &[low], &[high], unit)
+        };
+        let turns = match v.direction {
+            Some(direction) => Start::rule("targets", direction.phrase()),
+            None => Start::one_of("targets", Direction::PHRASES),
+        };
+        let first = FRAC_PI_4 + v.initial_phase;
+        let (low, high) = (v.friction.map(|f| f.0), v.friction.map(|f| f.1));
+        vec![
+            turns,
+            range("time of a turn", v.period, "s"),
+            range("half axis x of the ellipse", v.x_radius, "m"),
+            range("half axis y of the ellipse", v.y_radius, "m"),
+            range(
+                "angle of the first target",
+                (first - v.phase_limit, first + v.phase_limit),
+                "rad",
+            ),
+            range("radius of a ball", v.ball_size, "m"),
+            range("mass of a ball", v.ball_mass, "kg"),
+            Start::uniform("friction, sliding, torsional, rolling", &low, &high, ""),
+            Start::fixed("ball 1", &BALL_STARTS[0], "m"),
+            Start::fixed("ball 2", &BALL_STARTS[1], "m"),
+            Start::fixed("pro_sup", &[PALM_UP], "rad"),
+            Start::fixed("other joints", &[0.0], "rad"),
+        ]
+    }
+
     fn reset(&mut self, simulation: &mut Simulation, random: &mut Random) {
         let v = self.variant;
         let mut draw = |(low, high)| random.uniform(low, high);
@@ -356,12 +402,7 @@ impl Task for Baoding {
         fill.put(simulation.activation());
     }
 
-    fn judge(
-        &mut self,
-        simulation: &Simulation,
-        _observation: &[f64],
-        components: &mut [f64],
-    ) -> Verdict {
+    fn judge(&mut self, simulation: &Simulation, components: &mut [f64]) -> Verdict {
         let distance = |index: usize| {
             let ball = row3(simulation.site_positions(), self.ball_sites[index]);
             let target = row3(simulation.site_positions(), self.target_sites[index]);

@@ -14,8 +14,8 @@ use crate::sim::random::Random;
 use crate::sim::rotation::{euler_of_matrix, quaternion_of_euler};
 
 use super::{
-    BuildResult, RecordedStart, RewardConfiguration, Task, Verdict, activation_cost, difference,
-    indicator, norm, row3, start_from,
+    BuildResult, RecordedStart, RewardConfiguration, Start, Task, Threshold, Verdict,
+    activation_cost, difference, indicator, norm, row3, start_from,
 };
 
 /// Norm of the Euler error below which the die is turned right, rad.
@@ -118,7 +118,11 @@ fn layout(joints: &[String], muscles: &[String]) -> Layout {
         per_muscle("muscle_force", "N", muscles, "force"),
         per_muscle("act", "0..1", muscles, "activation"),
     ])
-    .with_clean_only(vec![Unworded { key: "hand_qpos_noMD5", length: HAND_JOINTS - 1 }])
+    .with_clean_only(vec![Unworded {
+        key: "hand_qpos_noMD5",
+        unit: "rad",
+        length: HAND_JOINTS - 1,
+    }])
 }
 
 impl Task for DieReorient {
@@ -175,6 +179,24 @@ impl Task for DieReorient {
         }
     }
 
+    fn thresholds(&self) -> Vec<Threshold> {
+        vec![
+            Threshold::solved_below("norm of the Euler angles to the goal", TURNED, "rad"),
+            Threshold::solved_below("die to its place", DROPPED, "m"),
+            Threshold::ends_above("die to its place", DROPPED, "m"),
+        ]
+    }
+
+    fn starts(&self) -> Vec<Start> {
+        let turn = [LARGEST_TURN; 3];
+        vec![
+            Start::uniform("goal, Euler angles", &turn.map(|x| -x), &turn, "rad"),
+            Start::fixed("mass of the die", &[MASS], "kg"),
+            Start::fixed("pro_sup", &[PALM_UP], "rad"),
+            Start::fixed("other joints", &[0.0], "rad"),
+        ]
+    }
+
     fn reset(&mut self, simulation: &mut Simulation, random: &mut Random) {
         let turn = std::array::from_fn(|_| random.uniform(-LARGEST_TURN, LARGEST_TURN));
         let place = difference(&GOAL_POSITION, &GOAL_OFFSET);
@@ -219,12 +241,7 @@ impl Task for DieReorient {
         fill.put(&qpos[..HAND_JOINTS - 1]);
     }
 
-    fn judge(
-        &mut self,
-        simulation: &Simulation,
-        _observation: &[f64],
-        components: &mut [f64],
-    ) -> Verdict {
+    fn judge(&mut self, simulation: &Simulation, components: &mut [f64]) -> Verdict {
         let (distance, angle) = self.errors(simulation);
         let (previous_distance, previous_angle) = self.previous;
         self.previous = (distance, angle);

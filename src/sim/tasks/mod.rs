@@ -1,16 +1,20 @@
 //! The tasks: what is observed, rewarded, solved and done (`spec/tasks.md` §2).
 
 mod baoding;
+mod description;
 mod die_reorient;
-mod elbow_pose;
+mod extra;
 mod finger_reach;
+mod joint_pose;
 mod pen_reorient;
+mod published;
 mod registry;
 mod relocate;
 mod walk;
 
 pub use baoding::Direction;
-pub use registry::{ALL, Definition, Source, Stepping, TaskError, find};
+pub use description::{Chosen, Event, Start, Threshold};
+pub use registry::{ALL, Definition, EXTRA, Source, Stepping, TaskError, every, find};
 
 use crate::npz::{ArrayError, Arrays};
 
@@ -25,6 +29,15 @@ pub enum RewardConfiguration {
     Sparse,
     /// The weights the published checkpoints were trained with.
     Dense,
+}
+
+/// Whose rewards and limits a task has, where the paper's differ from those of the environment it was made from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Rules {
+    /// The paper's.
+    Arnold,
+    /// Those of `MyoSuite`'s own environment, in both reward configurations.
+    MyoSuite,
 }
 
 /// What a task says about a state.
@@ -68,11 +81,27 @@ pub trait Task: Send {
         per_muscle("action", "", muscles, "activation").phrases
     }
 
+    /// The word by which the observation speaks of the model's joint `name`.
+    fn joint_word(&self, name: &str) -> String {
+        name.to_owned()
+    }
+
+    /// Direction of the root's x axis in the plane, rad; `None` where no root moves.
+    fn heading(&self, _simulation: &Simulation) -> Option<f64> {
+        None
+    }
+
     /// Names of the reward components, in the order in which [`Task::judge`] writes them.
     fn components(&self) -> &'static [&'static str];
 
     /// Weights of the reward, in the order of summation. Components that are not named weigh nothing.
     fn weights(&self, configuration: RewardConfiguration) -> &'static [(&'static str, f64)];
+
+    /// The numbers that decide whether a step is solved and the episode over.
+    fn thresholds(&self) -> Vec<Threshold>;
+
+    /// What an episode starts from: goal and initial state, as [`Task::reset`] chooses them.
+    fn starts(&self) -> Vec<Start>;
 
     /// Draws the episode's goal and initial state, edits the model, and leaves the initial positions in the
     /// reset state. The caller has not reset the simulation yet; see [`start_from`].
@@ -90,13 +119,9 @@ pub trait Task: Send {
     /// Writes everything in [`Layout`] about the current state.
     fn observe(&self, simulation: &Simulation, observation: &mut [f64]);
 
-    /// Writes the reward components of the current state, whose observation is given.
-    fn judge(
-        &mut self,
-        simulation: &Simulation,
-        observation: &[f64],
-        components: &mut [f64],
-    ) -> Verdict;
+    /// Writes the reward components of the current state. Called before [`Task::observe`], so that a goal that moves with
+    /// the body is judged where it was and observed where it is.
+    fn judge(&mut self, simulation: &Simulation, components: &mut [f64]) -> Verdict;
 }
 
 /// Resets the simulation and starts it at rest from `qpos` (`spec/tasks.md` §1.5): everything is cleared, the warm start
@@ -116,7 +141,12 @@ fn activation_cost(simulation: &Simulation) -> f64 {
 }
 
 fn norm(vector: &[f64]) -> f64 {
-    vector.iter().map(|x| x * x).sum::<f64>().sqrt()
+    length(vector.iter().copied())
+}
+
+/// Euclidean norm of numbers, summed in their order.
+fn length(numbers: impl Iterator<Item = f64>) -> f64 {
+    numbers.map(|x| x * x).sum::<f64>().sqrt()
 }
 
 fn indicator(condition: bool) -> f64 {

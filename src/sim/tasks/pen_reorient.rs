@@ -11,8 +11,8 @@ use crate::sim::random::Random;
 use crate::sim::rotation::quaternion_of_euler;
 
 use super::{
-    BuildResult, RecordedStart, RewardConfiguration, Task, Verdict, activation_cost, cosine,
-    difference, indicator, norm, row3, start_from,
+    BuildResult, RecordedStart, RewardConfiguration, Rules, Start, Task, Threshold, Verdict,
+    activation_cost, cosine, difference, indicator, norm, row3, start_from,
 };
 
 /// Distance from its place at which the pen counts as dropped, m.
@@ -38,12 +38,17 @@ pub(super) struct PenReorient {
     /// Site where the pen should be.
     place: usize,
     start: Vec<f64>,
+    rules: Rules,
     /// Distance and cosine of the step before.
     previous: (f64, f64),
 }
 
 impl PenReorient {
-    pub(super) fn new(simulation: &Simulation, control_interval: f64) -> BuildResult<Self> {
+    pub(super) fn new(
+        simulation: &Simulation,
+        control_interval: f64,
+        rules: Rules,
+    ) -> BuildResult<Self> {
         let mut joints = simulation.names_of(Names::Joint);
         joints.truncate(HAND_JOINTS);
         let site = |name| simulation.find(Names::Site, name);
@@ -59,6 +64,7 @@ impl PenReorient {
             target_ends: [site("target_top")?, site("target_bottom")?],
             place: site("eps_ball")?,
             start,
+            rules,
             previous: (0.0, 0.0),
         })
     }
@@ -101,7 +107,7 @@ fn layout(joints: &[String], muscles: &[String]) -> Layout {
         per_muscle("muscle_force", "N", muscles, "force"),
         per_muscle("act", "0..1", muscles, "activation"),
     ])
-    .with_clean_only(vec![Unworded { key: "obj_vel", length: 6 }])
+    .with_clean_only(vec![Unworded { key: "obj_vel", unit: "per step", length: 6 }])
 }
 
 impl Task for PenReorient {
@@ -139,20 +145,44 @@ impl Task for PenReorient {
     }
 
     fn weights(&self, configuration: RewardConfiguration) -> &'static [(&'static str, f64)] {
-        match configuration {
-            RewardConfiguration::Sparse => &[
+        match (self.rules, configuration) {
+            (Rules::MyoSuite, _) => &[
+                ("pos_align", 1.0),
+                ("rot_align", 1.0),
+                ("act_reg", 5.0),
+                ("drop", 5.0),
+                ("bonus", 10.0),
+            ],
+            (Rules::Arnold, RewardConfiguration::Sparse) => &[
                 ("pos_align_diff", 100.0),
                 ("rot_align_diff", 100.0),
                 ("alive", 1.0),
                 ("solved", 4.0),
             ],
-            RewardConfiguration::Dense => &[
+            (Rules::Arnold, RewardConfiguration::Dense) => &[
                 ("pos_align_diff", 100.0),
                 ("rot_align_diff", 100.0),
                 ("alive", 1.0),
                 ("solved", 1.0),
             ],
         }
+    }
+
+    fn thresholds(&self) -> Vec<Threshold> {
+        vec![
+            Threshold::solved_above("cosine between pen and target", ALIGNED, ""),
+            Threshold::solved_below("pen to its place", DROPPED, "m"),
+            Threshold::ends_above("pen to its place", DROPPED, "m"),
+        ]
+    }
+
+    fn starts(&self) -> Vec<Start> {
+        let turn = [LARGEST_TURN; 2];
+        vec![
+            Start::uniform("target, Euler angles x, y", &turn.map(|x| -x), &turn, "rad"),
+            Start::fixed("pro_sup", &[PALM_UP], "rad"),
+            Start::fixed("other joints", &[0.0], "rad"),
+        ]
     }
 
     fn reset(&mut self, simulation: &mut Simulation, random: &mut Random) {
@@ -197,12 +227,7 @@ impl Task for PenReorient {
         fill.put_scaled(&qvel[HAND_JOINTS..], self.control_interval);
     }
 
-    fn judge(
-        &mut self,
-        simulation: &Simulation,
-        _observation: &[f64],
-        components: &mut [f64],
-    ) -> Verdict {
+    fn judge(&mut self, simulation: &Simulation, components: &mut [f64]) -> Verdict {
         let (distance, alignment) = self.errors(simulation);
         let (previous_distance, previous_alignment) = self.previous;
         self.previous = (distance, alignment);

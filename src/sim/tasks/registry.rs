@@ -1,15 +1,18 @@
-//! The tasks this program can play, by name, with the constants of `spec/tasks.md` §1.1–1.2.
+//! The tasks this program can play, by name: the paper's ([`ALL`]) and others ([`EXTRA`]).
 
 use crate::sim::engine::{EngineError, Simulation};
 
 use super::baoding::{Baoding, Variant};
 use super::die_reorient::DieReorient;
-use super::elbow_pose::ElbowPose;
-use super::finger_reach::{Finger, FingerReach};
+pub use super::extra::EXTRA;
+use super::extra::{CHOSEN_FINGERS, FINGER_SUBSETS};
+use super::finger_reach::{FINGERS, FingerReach, Fingers};
+use super::joint_pose::{JointPose, Pose};
 use super::pen_reorient::PenReorient;
+pub use super::published::ALL;
 use super::relocate::Relocate;
-use super::walk::Walk;
-use super::{Direction, Task};
+use super::walk::{Goal, Walk};
+use super::{Rules, Task};
 
 /// Why a task is not available.
 #[derive(Debug, thiserror::Error)]
@@ -22,6 +25,18 @@ pub enum TaskError {
         /// A task whose name is close to it.
         closest: Option<&'static str>,
     },
+    /// A choice of fingers names something else.
+    #[error("`{word}` in `{name}` is not a finger; choose among {}", finger_names())]
+    NotAFinger {
+        /// The word.
+        word: String,
+        /// The name that was asked for.
+        name: String,
+    },
+}
+
+fn finger_names() -> String {
+    FINGERS.map(|finger| finger.name).join(", ")
 }
 
 fn suggestion(closest: Option<&'static str>) -> String {
@@ -33,12 +48,12 @@ fn suggestion(closest: Option<&'static str>) -> String {
 pub struct Definition {
     /// Code name.
     pub name: &'static str,
-    /// Name in the paper.
+    /// Name in the paper, or in its style.
     pub paper_name: &'static str,
     /// What the body has to do, in one line.
     pub summary: &'static str,
-    /// Identifier of the published environment.
-    pub environment: &'static str,
+    /// Identifier of the published environment, if one has exactly these rules.
+    pub environment: Option<&'static str>,
     /// The body.
     pub body: &'static str,
     /// Where the model comes from.
@@ -53,9 +68,9 @@ pub struct Definition {
     pub substeps: usize,
     /// Control steps of a full episode.
     pub horizon: usize,
-    /// When a step counts as solved, in words.
+    /// When a step counts as solved, in a few words; [`Task::thresholds`] says it in full.
     pub solved_when: &'static str,
-    family: Family,
+    pub(super) family: Family,
 }
 
 /// Where a model file comes from.
@@ -76,15 +91,15 @@ pub enum Stepping {
     Whole,
 }
 
-#[derive(Debug, Clone, Copy)]
-enum Family {
-    ElbowPose,
-    FingerReach(Finger),
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Family {
+    JointPose(Pose, Rules),
+    FingerReach(Fingers, Rules),
     Baoding(Variant),
-    PenReorient,
+    PenReorient(Rules),
     DieReorient,
     Relocate,
-    Walk,
+    Walk(Goal),
 }
 
 impl Definition {
@@ -98,12 +113,16 @@ impl Definition {
     pub fn build(&self, simulation: &Simulation) -> Result<Box<dyn Task>, EngineError> {
         let dt = self.control_interval();
         Ok(match self.family {
-            Family::ElbowPose => Box::new(ElbowPose::new(simulation, dt)),
-            Family::FingerReach(finger) => Box::new(FingerReach::new(simulation, dt, finger)?),
-            Family::PenReorient => Box::new(PenReorient::new(simulation, dt)?),
+            Family::JointPose(pose, rules) => {
+                Box::new(JointPose::new(simulation, dt, pose, rules)?)
+            }
+            Family::FingerReach(fingers, rules) => {
+                Box::new(FingerReach::new(simulation, dt, fingers, rules)?)
+            }
+            Family::PenReorient(rules) => Box::new(PenReorient::new(simulation, dt, rules)?),
             Family::DieReorient => Box::new(DieReorient::new(simulation, dt)?),
             Family::Relocate => Box::new(Relocate::new(simulation, dt)?),
-            Family::Walk => Box::new(Walk::new(simulation, dt, self.horizon)?),
+            Family::Walk(goal) => Box::new(Walk::new(simulation, dt, self.horizon, goal)?),
             Family::Baoding(variant) => {
                 Box::new(Baoding::new(simulation, dt, self.horizon, variant)?)
             }
@@ -111,166 +130,40 @@ impl Definition {
     }
 }
 
-const fn finger_reach(
-    name: &'static str,
-    paper_name: &'static str,
-    environment: &'static str,
-    finger: Finger,
-) -> Definition {
-    Definition {
-        name,
-        paper_name,
-        summary: "bring a fingertip to a random point and keep it there",
-        environment,
-        body: "hand",
-        source: Source::MyoSuite,
-        model: "envs/myo/assets/hand/myohand_pose.xml",
-        stepping: Stepping::Split,
-        timestep: 0.002,
-        substeps: 10,
-        horizon: 100,
-        solved_when: "fingertip within 12.5 mm of the target",
-        family: Family::FingerReach(finger),
-    }
+/// Every task that is listed: the paper's, then the others.
+pub fn every() -> impl Iterator<Item = &'static Definition> {
+    ALL.iter().chain(EXTRA)
 }
 
-const fn baoding(
-    name: &'static str,
-    paper_name: &'static str,
-    environment: &'static str,
-    variant: Variant,
-) -> Definition {
-    Definition {
-        name,
-        paper_name,
-        summary: "roll two balls around each other in the palm",
-        environment,
-        body: "hand",
-        source: Source::MyoSuite,
-        model: "envs/myo/assets/hand/myohand_baoding.xml",
-        stepping: Stepping::Split,
-        timestep: 0.0025,
-        substeps: 10,
-        horizon: 200,
-        solved_when: "both balls within 15 mm of their targets",
-        family: Family::Baoding(variant),
-    }
-}
-
-/// All tasks, in the order of the paper's per-task table.
-pub const ALL: &[Definition] = &[
-    finger_reach("hand_index_reach", "Index reach", "MuscleHandIndexReachRandom-v0", Finger::INDEX),
-    finger_reach(
-        "hand_little_reach",
-        "Little reach",
-        "MuscleHandLittleReachRandom-v0",
-        Finger::LITTLE,
-    ),
-    finger_reach(
-        "hand_middle_reach",
-        "Middle reach",
-        "MuscleHandMiddleReachRandom-v0",
-        Finger::MIDDLE,
-    ),
-    finger_reach("hand_ring_reach", "Ring reach", "MuscleHandRingReachRandom-v0", Finger::RING),
-    finger_reach("hand_thumb_reach", "Thumb reach", "MuscleHandThumbReachRandom-v0", Finger::THUMB),
-    Definition {
-        name: "elbow_pose",
-        paper_name: "Elbow pose",
-        summary: "hold the elbow at a random angle",
-        environment: "MuscleElbowPoseRandom-v0",
-        body: "elbow",
-        source: Source::MyoSuite,
-        model: "envs/myo/assets/elbow/myoelbow_1dof6muscles.xml",
-        stepping: Stepping::Split,
-        timestep: 0.002,
-        substeps: 10,
-        horizon: 100,
-        solved_when: "elbow within 0.175 rad of the target",
-        family: Family::ElbowPose,
-    },
-    baoding("baoding_p1_cw", "Baoding CW", "MuscleBaodingP1-v1", Variant::p1(Direction::Clockwise)),
-    baoding(
-        "baoding_p1_ccw",
-        "Baoding CCW",
-        "MuscleBaodingP1-v1",
-        Variant::p1(Direction::CounterClockwise),
-    ),
-    baoding("baoding_p2", "Baoding harder", "MuscleBaodingP2-v1", Variant::p2(false)),
-    baoding("baoding_p2_overlap", "Baoding hard", "MuscleBaodingP2Overlap-v1", Variant::p2(true)),
-    Definition {
-        name: "reorient",
-        paper_name: "Die reorient",
-        summary: "turn a die in the hand to a random orientation",
-        environment: "MuscleDieReorientP0-v0",
-        body: "hand",
-        source: Source::MyoSuite,
-        model: "envs/myo/assets/hand/myohand_die.xml",
-        stepping: Stepping::Split,
-        timestep: 0.002,
-        substeps: 5,
-        horizon: 150,
-        solved_when: "Euler angles within 0.262 rad, die not dropped",
-        family: Family::DieReorient,
-    },
-    Definition {
-        name: "pen",
-        paper_name: "Pen reorient",
-        summary: "turn a pen in the hand to a random direction",
-        environment: "MusclePenTwirl-v0",
-        body: "hand",
-        source: Source::MyoSuite,
-        model: "envs/myo/assets/hand/myohand_pen.xml",
-        stepping: Stepping::Split,
-        timestep: 0.002,
-        substeps: 5,
-        horizon: 100,
-        solved_when: "cosine of the angle above 0.95, pen not dropped",
-        family: Family::PenReorient,
-    },
-    Definition {
-        name: "relocate",
-        paper_name: "Object relocation",
-        summary: "pick an object up and carry it into a box",
-        environment: "MuscleRelocate-v0",
-        body: "arm",
-        source: Source::MyoSuite,
-        model: "envs/myo/assets/arm/myoarm_relocate.xml",
-        stepping: Stepping::Split,
-        timestep: 0.002,
-        substeps: 5,
-        horizon: 150,
-        solved_when: "object within 0.1 m of the goal, hand within 0.5 m of it",
-        family: Family::Relocate,
-    },
-    Definition {
-        name: "kinesis",
-        paper_name: "Walk to point",
-        summary: "walk to a random point and stay there",
-        environment: "MuscleKinesis-v0",
-        body: "legs",
-        source: Source::Data,
-        model: "kinesis/xml/myolegs_onlylegs.xml",
-        stepping: Stepping::Whole,
-        timestep: 1.0 / 150.0,
-        substeps: 5,
-        horizon: 150,
-        solved_when: "root within 0.1 m of the goal in the plane",
-        family: Family::Walk,
-    },
-];
-
-/// The task called `name`.
+/// The task called `name`. Any choice of fingers is called `hand_reach:<finger>+<finger>…`, in any order.
 pub fn find(name: &str) -> Result<&'static Definition, TaskError> {
-    ALL.iter().find(|task| task.name == name).ok_or_else(|| {
-        let closest = ALL
-            .iter()
+    if let Some(fingers) = name.strip_prefix(CHOSEN_FINGERS) {
+        return reach_of(fingers, name);
+    }
+    every().chain(&*FINGER_SUBSETS).find(|task| task.name == name).ok_or_else(|| {
+        let closest = every()
             .map(|task| (edit_distance(task.name, name), task.name))
             .min()
             // More than half the letters wrong is another word, not a slip.
             .filter(|(distance, _)| 2 * distance <= name.chars().count());
         TaskError::Unknown { name: name.to_owned(), closest: closest.map(|(_, name)| name) }
     })
+}
+
+/// The reach of the fingers in `words`, which are joined by plus signs.
+fn reach_of(words: &str, name: &str) -> Result<&'static Definition, TaskError> {
+    let mut chosen = 0;
+    for word in words.split('+') {
+        let finger = FINGERS.iter().position(|finger| finger.name == word);
+        let not_a_finger =
+            || TaskError::NotAFinger { word: word.to_owned(), name: name.to_owned() };
+        chosen |= 1 << finger.ok_or_else(not_a_finger)?;
+    }
+    let reaches = Family::FingerReach(Fingers(chosen), Rules::Arnold);
+    let mut tasks = every().chain(&*FINGER_SUBSETS);
+    tasks
+        .find(|task| task.family == reaches)
+        .ok_or_else(|| TaskError::Unknown { name: name.to_owned(), closest: None })
 }
 
 /// Levenshtein distance between two names.
@@ -295,8 +188,41 @@ mod tests {
 
     #[test]
     fn names_are_unique_and_found() {
-        for task in ALL {
+        let tasks: Vec<_> = every().chain(&*FINGER_SUBSETS).collect();
+        assert_eq!(tasks.len(), 14 + EXTRA.len() + 25);
+        for task in tasks {
             assert_eq!(find(task.name).unwrap().paper_name, task.paper_name);
+        }
+    }
+
+    #[test]
+    fn every_choice_of_fingers_is_a_task_of_its_own() {
+        let mut names = std::collections::BTreeSet::new();
+        for chosen in 1..32 {
+            let fingers: Vec<&str> = Fingers(chosen).each().map(|finger| finger.name).collect();
+            let name = format!("hand_reach:{}", fingers.join("+"));
+            let task = find(&name).unwrap();
+            assert_eq!(task.family, Family::FingerReach(Fingers(chosen), Rules::Arnold), "{name}");
+            // The name it goes by afterwards can be typed as well, and can be a file's.
+            assert_eq!(find(task.name).unwrap().family, task.family, "{name}");
+            assert!(task.name.bytes().all(|b| b.is_ascii_lowercase() || b == b'_'), "{name}");
+            names.insert(task.name);
+        }
+        assert_eq!(names.len(), 31);
+        assert_eq!(find("hand_reach:thumb").unwrap().name, "hand_thumb_reach");
+        assert_eq!(find("hand_reach:index+thumb").unwrap().name, "hand_thumb_index_reach");
+        let every_finger = "hand_reach:little+ring+middle+index+thumb";
+        assert_eq!(find(every_finger).unwrap().name, "hand_reach");
+    }
+
+    #[test]
+    fn what_is_not_a_finger_is_named() {
+        for (name, word) in
+            [("hand_reach:thumb+toe", "toe"), ("hand_reach:", ""), ("hand_reach:+", "")]
+        {
+            let message = find(name).unwrap_err().to_string();
+            assert!(message.starts_with(&format!("`{word}` in `{name}`")), "{message}");
+            assert!(message.ends_with("thumb, index, middle, ring, little"), "{message}");
         }
     }
 

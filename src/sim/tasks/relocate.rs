@@ -16,8 +16,8 @@ use crate::sim::random::Random;
 use crate::sim::rotation::{euler_of_matrix, quaternion_of_euler};
 
 use super::{
-    BuildResult, RecordedStart, RewardConfiguration, Task, Verdict, activation_cost, difference,
-    indicator, norm, row3, start_from,
+    BuildResult, RecordedStart, RewardConfiguration, Start, Task, Threshold, Verdict,
+    activation_cost, difference, indicator, norm, row3, start_from,
 };
 
 /// Distance of the object from the goal below which it has arrived, m.
@@ -40,6 +40,7 @@ const GOAL_TURN: f64 = 0.2;
 const OBJECT_BOX: ([f64; 3], [f64; 3]) = ([-0.1, -0.35, 1.0], [0.1, -0.15, 1.0]);
 /// Sphere, capsule, ellipsoid, cylinder, box: numbers 2 to 6 in both physics versions.
 const SHAPES: (i32, u32) = (2, 5);
+const SHAPE_NAMES: &[&str] = &["sphere", "capsule", "ellipsoid", "cylinder", "box"];
 /// Size of a shape, m.
 const SIZE: (f64, f64) = (0.015, 0.025);
 /// Sliding, torsional and rolling friction.
@@ -154,9 +155,9 @@ fn layout(joints: &[String], muscles: &[String]) -> Layout {
         per_muscle("act", "0..1", muscles, "activation"),
     ])
     .with_clean_only(vec![
-        Unworded { key: "hand_qpos", length: ARM_JOINTS - 1 },
-        Unworded { key: "goal_rot", length: 3 },
-        Unworded { key: "rot_err", length: 3 },
+        Unworded { key: "hand_qpos", unit: "rad", length: ARM_JOINTS - 1 },
+        Unworded { key: "goal_rot", unit: "rad", length: 3 },
+        Unworded { key: "rot_err", unit: "rad", length: 3 },
     ])
 }
 
@@ -214,6 +215,40 @@ impl Task for Relocate {
         }
     }
 
+    fn thresholds(&self) -> Vec<Threshold> {
+        vec![
+            Threshold::solved_below("object to goal", ARRIVED, "m"),
+            Threshold::solved_below("hand to object", LET_GO, "m"),
+            Threshold::ends_above("time", TIME_LIMIT, "s"),
+        ]
+    }
+
+    fn starts(&self) -> Vec<Start> {
+        let even = |quantity: &str, x: f64| Start::uniform(quantity, &[-x; 3], &[x; 3], "rad");
+        let first = &self.start[ARM_JOINTS..][..3];
+        // The object's own joints move it from where its body stands.
+        let (low, high) = (OBJECT_BOX.0, OBJECT_BOX.1);
+        let moved =
+            |corner: [f64; 3]| [corner[0] + first[0], corner[1] + first[1], corner[2] + first[2]];
+        vec![
+            Start::uniform("goal", &GOAL_BOX.0, &GOAL_BOX.1, "m"),
+            even("goal, Euler angles", GOAL_TURN),
+            Start::uniform("object", &moved(low), &moved(high), "m"),
+            Start::one_of("each of three shapes", SHAPE_NAMES),
+            Start::uniform("its size", &[SIZE.0; 3], &[SIZE.1; 3], "m"),
+            Start::rule("its place", "uniform within its size around the object's origin"),
+            even("its Euler angles", FRAC_PI_2),
+            Start::uniform(
+                "its friction, sliding, torsional, rolling",
+                &FRICTION.0,
+                &FRICTION.1,
+                "",
+            ),
+            Start::uniform("mass of the object", &[MASS.0], &[MASS.1], "kg"),
+            Start::rule("joints", "keyframe 1 of the model plus 1 % of each joint's range"),
+        ]
+    }
+
     fn reset(&mut self, simulation: &mut Simulation, random: &mut Random) {
         for _ in 0..MOST_DRAWS {
             self.draw(simulation, random);
@@ -255,12 +290,7 @@ impl Task for Relocate {
         fill.put_difference(&goal_rotation, &rotation);
     }
 
-    fn judge(
-        &mut self,
-        simulation: &Simulation,
-        _observation: &[f64],
-        components: &mut [f64],
-    ) -> Verdict {
+    fn judge(&mut self, simulation: &Simulation, components: &mut [f64]) -> Verdict {
         let site = |index| row3(simulation.site_positions(), index);
         let (object, palm) = (site(self.object_site), site(self.palm_site));
         let apart = |a: &[f64], b: &[f64]| norm(&difference(a, b));

@@ -1,0 +1,277 @@
+//! `bench`: how fast this machine plays, against its own limits.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::Context as _;
+use clap::{Args, Subcommand};
+use serde_json::json;
+
+use crate::assets::{Cache, Part, PhysicsVersion};
+use crate::cli::context::{Context, Outcome};
+use crate::cli::laboratory::{available, open_library};
+use crate::cli::render::{self, Align, Hinted};
+use crate::experiment::throughput::forward::{self, BODIES, Body, Ceiling, NETWORKS, Network};
+use crate::experiment::throughput::peer::{self, Peer, PeerError};
+use crate::experiment::throughput::whole_loop;
+use crate::sim::bodies::Bodies;
+use crate::sim::rollout::Machine;
+use crate::sim::tasks;
+
+/// Arguments of `bench`.
+#[derive(Debug, Args)]
+pub struct BenchArguments {
+    #[command(subcommand)]
+    what: What,
+    /// Spend a tenth of a second on each measurement instead of two seconds
+    #[arg(long, global = true)]
+    quick: bool,
+}
+
+/// What to measure.
+#[derive(Debug, Subcommand)]
+enum What {
+    /// The transformer's forward pass, as a share of this machine's matrix product
+    Policy {
+        /// Networks: `full`, `m`, `s`, `xs`
+        #[arg(long, value_name = "NAME", num_args = 1.., value_delimiter = ',', value_parser = network, default_value = "full,xs")]
+        network: Vec<Network>,
+        /// Bodies: `hand`, `arm`, `legs`
+        #[arg(long, value_name = "NAME", num_args = 1.., value_delimiter = ',', value_parser = body, default_value = "hand,legs")]
+        body: Vec<Body>,
+        /// Observations per call
+        #[arg(long, value_name = "N", num_args = 1.., value_delimiter = ',', default_value = "1,16,64", value_parser = clap::value_parser!(u16).range(1..=1024))]
+        batch: Vec<u16>,
+        /// Time the same networks in PyTorch as well
+        #[arg(long)]
+        peer: bool,
+        /// Python that has `torch`
+        #[arg(long, value_name = "FILE", default_value = "python3")]
+        python: String,
+    },
+    /// A whole rollout of the full-size transformer beside its parts, and two threads beside one
+    Loop {
+        /// Tasks
+        #[arg(long, value_name = "NAME", num_args = 1.., value_delimiter = ',', default_value = "hand_index_reach,baoding_p1_ccw")]
+        task: Vec<String>,
+        /// Network: `full`, `m`, `s` or `xs`
+        #[arg(long, value_name = "NAME", value_parser = network, default_value = "full")]
+        network: Network,
+        /// Episodes per task
+        #[arg(long, value_name = "N", default_value = "32", value_parser = clap::value_parser!(u16).range(2..))]
+        episodes: u16,
+        /// Bodies per thread
+        #[arg(long, value_name = "N", default_value = "16", value_parser = clap::value_parser!(u16).range(1..))]
+        batch: u16,
+        /// `MuJoCo` version
+        #[arg(long, value_name = "VERSION", default_value = "2.3.7")]
+        physics: PhysicsVersion,
+    },
+}
+
+fn network(name: &str) -> Result<Network, String> {
+    let found = NETWORKS.iter().find(|network| network.name == name);
+    found.copied().ok_or_else(|| "expected `full`, `m`, `s` or `xs`".to_owned())
+}
+
+fn body(name: &str) -> Result<Body, String> {
+    let found = BODIES.iter().find(|body| body.name == name);
+    found.copied().ok_or_else(|| "expected `hand`, `arm` or `legs`".to_owned())
+}
+
+/// Runs the command.
+pub fn run(context: &Context, arguments: &BenchArguments) -> anyhow::Result<Outcome> {
+    let budget = Duration::from_millis(if arguments.quick { 100 } else { 2000 });
+    match &arguments.what {
+        What::Policy { network, body, batch, peer, python } => {
+            let batches: Vec<usize> = batch.iter().map(|&batch| usize::from(batch)).collect();
+            let python = peer.then_some(python.as_str());
+            policy(context, network, body, &batches, python, budget)
+        }
+        What::Loop { task, network, episodes, batch, physics } => {
+            let machine = machine(context, *physics, usize::from(*batch))?;
+            whole_loops(context, &machine, task, network, usize::from(*episodes), budget)
+        }
+    }
+}
+
+fn policy(
+    context: &Context,
+    networks: &[Network],
+    bodies: &[Body],
+    batches: &[usize],
+    python: Option<&str>,
+    budget: Duration,
+) -> anyhow::Result<Outcome> {
+    let ceiling = Ceiling::measure(budget);
+    let mut rows = Vec::new();
+    for network in networks {
+        for body in bodies {
+            for &batch in batches {
+                rows.push(forward::measure(network, body, batch, budget)?);
+            }
+        }
+    }
+    let peer = match python {
+        None => None,
+        Some(python) => {
+            context.say("Timing PyTorch …");
+            let seconds = budget.as_secs_f64();
+            Some(
+                peer::measure(python, networks, bodies, batches, seconds)
+                    .map_err(|error| hinted(&error))?,
+            )
+        }
+    };
+    let of_peer = |row: &forward::ForwardRow| {
+        peer.as_ref().and_then(|Peer { rows, .. }| {
+            let same = |other: &&peer::PeerRow| {
+                (&*other.network, &*other.body, other.batch) == (row.network, row.body, row.batch)
+            };
+            rows.iter().find(same)
+        })
+    };
+    if context.json {
+        let entries: Vec<_> = rows
+            .iter()
+            .map(|row| {
+                let mut entry = json!(row);
+                entry["share_of_ceiling"] = json!(row.gigaflops / ceiling.best());
+                if let Some(other) = of_peer(row) {
+                    entry["pytorch_milliseconds"] = json!(other.milliseconds);
+                    entry["pytorch_written_with"] = json!(other.fastest);
+                }
+                entry
+            })
+            .collect();
+        render::print_json(&json!({
+            "ceiling_gigaflops": ceiling.best(),
+            "pytorch": peer.as_ref().map(|peer| &peer.version),
+            "forward": entries,
+        }))?;
+        return Ok(Outcome::Done);
+    }
+    let rates: Vec<String> =
+        ceiling.rates.iter().map(|(size, rate)| format!("{rate:.0} at {size}")).collect();
+    let mut text = format!(
+        "Square matrix product, f32, one core, GFLOP/s: {}\nCeiling: {:.0}\n\n",
+        rates.join(", "),
+        ceiling.best()
+    );
+    let mut columns = vec![
+        ("network", Align::Left),
+        ("body", Align::Left),
+        ("batch", Align::Right),
+        ("ms", Align::Right),
+        ("GFLOP/s", Align::Right),
+        ("of ceiling", Align::Right),
+    ];
+    if peer.is_some() {
+        columns.extend([("PyTorch, ms", Align::Right), ("faster by", Align::Right)]);
+    }
+    let lines: Vec<Vec<String>> = rows
+        .iter()
+        .map(|row| {
+            let mut line = vec![
+                row.network.to_owned(),
+                row.body.to_owned(),
+                row.batch.to_string(),
+                format!("{:.3}", row.milliseconds),
+                format!("{:.1}", row.gigaflops),
+                format!("{:.0} %", 100.0 * row.gigaflops / ceiling.best()),
+            ];
+            if let Some(other) = of_peer(row) {
+                line.push(format!("{:.3}", other.milliseconds));
+                line.push(format!("{:.2} ×", other.milliseconds / row.milliseconds));
+            }
+            line
+        })
+        .collect();
+    text += &render::table(&columns, &lines);
+    text += "\nms: time of one observation on one thread. The rate counts matrix products only.\n";
+    if let Some(Peer { version, .. }) = &peer {
+        let line =
+            format!("PyTorch {version}, one thread, the faster of two ways of writing it.\n");
+        text.push_str(&line);
+    }
+    render::print_text(&text)?;
+    Ok(Outcome::Done)
+}
+
+fn hinted(error: &PeerError) -> anyhow::Error {
+    let hint = match error {
+        PeerError::Start { .. } => "name a Python with `--python FILE`, or leave `--peer` out",
+        PeerError::NoTorch { .. } => {
+            "install it (`pip install torch`), name another Python with `--python FILE`, or leave \
+             `--peer` out"
+        }
+        PeerError::Failed { .. } => "leave `--peer` out to measure this program alone",
+    };
+    Hinted::new(error.to_string(), hint)
+}
+
+fn machine(context: &Context, physics: PhysicsVersion, batch: usize) -> anyhow::Result<Machine> {
+    let cache = Cache::locate();
+    let models = available(context, &cache, Part::MyoSuite, Cache::myosuite)?;
+    let library = open_library(context, &cache, physics)?;
+    let bodies = Arc::new(Bodies::new(library, &models, Path::new(&context.data)));
+    Ok(Machine { bodies, threads: 1, batch })
+}
+
+fn whole_loops(
+    context: &Context,
+    machine: &Machine,
+    names: &[String],
+    network: &Network,
+    episodes: usize,
+    budget: Duration,
+) -> anyhow::Result<Outcome> {
+    let policy = forward::made_up_policy(&network.sizes)?;
+    let mut rows = Vec::new();
+    for name in names {
+        let task = tasks::find(name).context("`tasks` lists them")?;
+        rows.push(whole_loop::measure(machine, &policy, task, episodes, budget)?);
+    }
+    if context.json {
+        let entries: Vec<_> = rows
+            .iter()
+            .map(|row| {
+                let mut entry = json!(row);
+                entry["overhead"] = json!(row.overhead());
+                entry
+            })
+            .collect();
+        render::print_json(&json!({"network": network.name, "loops": entries}))?;
+        return Ok(Outcome::Done);
+    }
+    let columns = [
+        ("task", Align::Left),
+        ("steps", Align::Right),
+        ("loop, ms", Align::Right),
+        ("physics, ms", Align::Right),
+        ("forward, ms", Align::Right),
+        ("loop / parts", Align::Right),
+        ("two threads", Align::Right),
+    ];
+    let lines: Vec<Vec<String>> = rows
+        .iter()
+        .map(|row| {
+            vec![
+                row.task.to_owned(),
+                row.steps.to_string(),
+                format!("{:.3}", row.loop_milliseconds),
+                format!("{:.3}", row.physics_milliseconds),
+                format!("{:.3}", row.forward_milliseconds),
+                format!("{:.3}", row.overhead()),
+                format!("{:.2} ×", row.two_threads),
+            ]
+        })
+        .collect();
+    let text = render::table(&columns, &lines);
+    render::print_text(&format!(
+        "{text}\nTimes are per control step on one thread, {} network.\n",
+        network.name
+    ))?;
+    Ok(Outcome::Done)
+}

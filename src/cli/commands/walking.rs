@@ -1,0 +1,259 @@
+//! What `emg` and `factors` share: where a walk comes from, and how it is cut into gait cycles.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use serde_json::{Value, json};
+
+use crate::analysis::emg::{ContactSensors, GaitOptions, PercentileScope};
+use crate::analysis::signal::LowPassOptions;
+use crate::assets::platform;
+use crate::cli::context::Context;
+use crate::cli::laboratory::{Defaults, Laboratory, PlayArguments};
+use crate::cli::progress::Progress;
+use crate::cli::render::Hinted;
+use crate::experiment::recording::{self, Source};
+use crate::experiment::seed;
+use crate::experiment::walking::{Walk, WalkError, WalkOptions, read_walk};
+use crate::record::names;
+use crate::sim::rollout::{self, ActionMode, Channels, RolloutPlan};
+
+/// Tasks in which a policy walks ahead.
+const TASKS: [&str; 2] = ["kinesis_moving_goal", "kinesis_forward"];
+/// Episodes of the paper's recording with a moving goal.
+const EPISODES: usize = 300;
+const RECORDING_HINT: &str = "`arnold-analyze inspect FILE` shows what a recording holds; `rollout --task kinesis_moving_goal` records what is \
+     needed, and upstream's gait HDF5 has it";
+
+/// Options of gait cycles; the defaults are the paper's.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Gait cycles")]
+pub(super) struct CycleArguments {
+    /// Muscle signal
+    #[arg(long, value_name = "NAME", value_enum, default_value_t = Signal::Activation)]
+    signal: Signal,
+    /// Low-pass the muscle signal at this frequency, Hz [default: not at all]
+    #[arg(long, value_name = "HZ", value_parser = positive)]
+    muscle_lowpass: Option<f64>,
+    /// Contact above which a foot is on the ground, in sensor units
+    #[arg(long, value_name = "N", default_value_t = 300.0, value_parser = positive)]
+    contact_threshold: f64,
+    /// Sensors that say so
+    #[arg(long, value_name = "WHICH", value_enum, default_value_t = ContactChannels::Heel)]
+    contact_channels: ContactChannels,
+    /// Which cycles' durations are ranked together
+    #[arg(long, value_name = "WHICH", value_enum, default_value_t = Scope::Episode)]
+    percentile_scope: Scope,
+    /// Points of the averaged cycle
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u16).range(2..))]
+    points: u16,
+}
+
+/// A muscle signal of a recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Signal {
+    Activation,
+    Excitation,
+    Action,
+}
+
+/// Sensors under a foot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum ContactChannels {
+    Heel,
+    #[value(name = "foot+toes")]
+    FootAndToes,
+}
+
+/// Cycles whose durations are ranked together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Scope {
+    Episode,
+    Pooled,
+}
+
+/// A number above zero.
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() && number > 0.0 => Ok(number),
+        _ => Err("expected a number above zero".to_owned()),
+    }
+}
+
+impl CycleArguments {
+    /// What was meant.
+    pub(super) fn options(&self) -> WalkOptions {
+        WalkOptions {
+            signal: match self.signal {
+                Signal::Activation => names::ACTIVATION,
+                Signal::Excitation => names::EXCITATION,
+                Signal::Action => names::ACTION,
+            },
+            gait: GaitOptions {
+                sensors: match self.contact_channels {
+                    ContactChannels::Heel => ContactSensors::Heel,
+                    ContactChannels::FootAndToes => ContactSensors::FootAndToes,
+                },
+                contact_threshold: self.contact_threshold,
+                percentile_scope: match self.percentile_scope {
+                    Scope::Episode => PercentileScope::Episode,
+                    Scope::Pooled => PercentileScope::Pooled,
+                },
+                ..GaitOptions::default()
+            },
+            points: usize::from(self.points),
+            muscle_low_pass: self
+                .muscle_lowpass
+                .map(|cutoff| LowPassOptions { cutoff, ..LowPassOptions::default() }),
+        }
+    }
+
+    /// The same for the run's key.
+    pub(super) fn decides(&self) -> Value {
+        json!(format!("{:?}", self.options()))
+    }
+}
+
+/// `FILE` or `LABEL=FILE` as typed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Labelled {
+    pub(super) label: String,
+    pub(super) path: PathBuf,
+}
+
+/// The label is what stands before the first `=`, unless that looks like a path; else the file's name.
+pub(super) fn labelled(text: &str) -> Result<Labelled, String> {
+    let (label, path) = match text.split_once('=') {
+        Some((label, path)) if !label.contains(['/', '\\', '.']) => (label.to_owned(), path),
+        _ => {
+            let stem = Path::new(text).file_stem().unwrap_or_default();
+            (stem.to_string_lossy().into_owned(), text)
+        }
+    };
+    if label.is_empty() || path.is_empty() {
+        return Err("expected a file, or `LABEL=FILE`".to_owned());
+    }
+    Ok(Labelled { label, path: path.into() })
+}
+
+/// Walks, and what decided them.
+pub(super) struct Walks {
+    pub(super) all: Vec<Walk>,
+    /// For the run's key.
+    pub(super) plan: Value,
+    /// What decides nothing.
+    pub(super) machine: Value,
+}
+
+/// Reads the `recordings`, then plays the policy if one was named.
+pub(super) fn gather(
+    context: &Context,
+    recordings: &[Labelled],
+    play: &PlayArguments,
+    options: &WalkOptions,
+) -> anyhow::Result<Walks> {
+    let mut walks = Vec::new();
+    let mut plan = Vec::new();
+    for Labelled { label, path } in recordings {
+        let (walk, hash) = read_walk(path, label, options).map_err(with_hint)?;
+        plan.push(json!({"label": label, "blake3": hash}));
+        walks.push(walk);
+    }
+    let mut machine = json!({
+        "recordings": recordings.iter().map(|r| &r.path).collect::<Vec<_>>(),
+        "platform": platform::describe_here(),
+        "command_line": std::env::args().collect::<Vec<_>>().join(" "),
+    });
+    let mut plan = json!({ "recordings": plan });
+    if play.names_policy() {
+        let mode = Some(ActionMode::Stochastic);
+        let defaults = Defaults { tasks: TASKS[0], episodes: EPISODES, mode };
+        let laboratory = Laboratory::open(context, play, defaults)?;
+        let (played, seconds) = played(context, &laboratory, options)?;
+        walks.extend(played);
+        machine["play"] = laboratory.circumstances(seconds);
+        plan["play"] = laboratory.decides();
+    }
+    Ok(Walks { all: walks, plan, machine })
+}
+
+/// Plays the walking tasks of `laboratory`.
+fn played(
+    context: &Context,
+    laboratory: &Laboratory,
+    options: &WalkOptions,
+) -> anyhow::Result<(Vec<Walk>, f64)> {
+    if let Some(task) = laboratory.tasks.iter().find(|task| !TASKS.contains(&task.name)) {
+        return Err(Hinted::new(
+            format!("nobody walks ahead in `{}`", task.name),
+            format!("`--task {}` or `--task {}`", TASKS[0], TASKS[1]),
+        ));
+    }
+    let repeats = laboratory.mode == ActionMode::Deterministic && laboratory.action_noise == 0.0;
+    if repeats && laboratory.episodes > 1 {
+        return Err(Hinted::new(
+            format!(
+                "with mean actions all {} episodes would be the same: the body always starts alike",
+                laboratory.episodes
+            ),
+            "`--stochastic`, `--action-noise 0.1`, or `--episodes 1`",
+        ));
+    }
+    let total = laboratory.tasks.len() * laboratory.episodes;
+    let progress = Progress::start(context, "walk", "episodes", total as u64);
+    let mut walks = Vec::new();
+    for task in &laboratory.tasks {
+        let plan = RolloutPlan { channels: Channels::All, ..laboratory.plan(task) };
+        let specs: Vec<_> = (0..laboratory.episodes)
+            .map(|i| seed::episode(laboratory.seed, task.name, i, None))
+            .collect();
+        let episodes = rollout::play(&laboratory.machine, &plan, &specs, &|_| progress.advance(1))?;
+        let names = rollout::channel_names(&laboratory.machine, task)?;
+        let policy = if laboratory.tasks.len() == 1 {
+            laboratory.policy.name.clone()
+        } else {
+            format!("{}:{}", laboratory.policy.name, task.name)
+        };
+        let source = Source {
+            task,
+            policy: &policy,
+            mode: laboratory.mode,
+            seed: laboratory.seed,
+            metadata: std::collections::BTreeMap::new(),
+        };
+        walks.push(Walk::of(&recording::recording(source, &names, episodes), &policy, options)?);
+    }
+    Ok((walks, progress.finish()))
+}
+
+/// A fault of a walk with what to do about it.
+pub(super) fn with_hint(error: WalkError) -> anyhow::Error {
+    use crate::analysis::emg::EmgError;
+    match &error {
+        WalkError::Emg { fault: EmgError::NoCycle { .. }, .. } => Hinted::new(
+            error.to_string(),
+            "a policy that does not walk has no gait cycle; look at its recording, or lower `--contact-threshold`",
+        ),
+        WalkError::Emg { fault: EmgError::MissingMuscle { .. }, .. }
+        | WalkError::NoChannel { .. }
+        | WalkError::NoRate { .. }
+        | WalkError::Record(_)
+        | WalkError::Kinesis { .. } => Hinted::new(error.to_string(), RECORDING_HINT),
+        _ => error.into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_label_stands_before_the_sign_and_a_file_names_itself() {
+        let read = |text| labelled(text).map(|l| (l.label, l.path.display().to_string()));
+        let both = |label: &str, path: &str| Ok((label.to_owned(), path.to_owned()));
+        assert_eq!(read("obc=a/b.h5"), both("obc", "a/b.h5"));
+        assert_eq!(read("a/arnold.h5"), both("arnold", "a/arnold.h5"));
+        assert_eq!(read("./a=b.h5"), both("a=b", "./a=b.h5"));
+        assert!(read("=x").is_err() && read("x=").is_err());
+    }
+}
