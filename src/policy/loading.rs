@@ -173,13 +173,8 @@ pub(super) fn read_parts(path: &Path, normaliser: Option<&Path>) -> Result<Parts
             first
         }
     };
-    let mut normaliser_hash = None;
-    let mut normaliser = unscaled.then(Normaliser::none);
-    if let Some(path) = &normaliser_path {
-        let (bytes, hash) = read(path, limits.file_bytes)?;
-        normaliser = Some(read_normaliser(&bytes, &limits).map_err(checkpoint_in_file(path))?);
-        normaliser_hash = Some(hash);
-    }
+    let own = unscaled.then(Normaliser::none);
+    let (normaliser, normaliser_hash) = normaliser_of(normaliser_path.as_deref(), own, &limits)?;
 
     let mut vocabulary = None;
     if is_transformer(checkpoint.format) {
@@ -228,13 +223,8 @@ fn parts_of_package(
         None if own.is_some() || scales_for_itself => None,
         None => beside(),
     };
-    let mut normaliser = if unscaled { Some(Normaliser::none()) } else { own };
-    let mut normaliser_hash = None;
-    if let Some(path) = &normaliser_path {
-        let (bytes, hash) = read(path, limits.file_bytes)?;
-        normaliser = Some(read_normaliser(&bytes, &limits).map_err(checkpoint_in_file(path))?);
-        normaliser_hash = Some(hash);
-    }
+    let own = if unscaled { Some(Normaliser::none()) } else { own };
+    let (normaliser, normaliser_hash) = normaliser_of(normaliser_path.as_deref(), own, &limits)?;
     Ok(Parts {
         checkpoint,
         checkpoint_hash,
@@ -244,6 +234,18 @@ fn parts_of_package(
         vocabulary,
         warnings,
     })
+}
+
+/// The normaliser in the file `path` and its hash, or, without a file, the checkpoint's `own`.
+fn normaliser_of(
+    path: Option<&Path>,
+    own: Option<Normaliser>,
+    limits: &Limits,
+) -> Result<(Option<Normaliser>, Option<String>), PolicyError> {
+    let Some(path) = path else { return Ok((own, None)) };
+    let (bytes, hash) = read(path, limits.file_bytes)?;
+    let normaliser = read_normaliser(&bytes, limits).map_err(checkpoint_in_file(path))?;
+    Ok((Some(normaliser), Some(hash)))
 }
 
 /// Makes a policy of what a checkpoint and its normaliser say.

@@ -2,6 +2,7 @@
 
 mod covariance;
 mod dimensionality;
+mod eigen;
 mod explained_variance;
 mod nmf;
 mod pair_comparison;

@@ -14,11 +14,9 @@
 //! Linear algebra runs on one thread. Oracle: `tests/analysis_parity.rs`, algorithms `csi_project_pca`,
 //! `cumulative_ev`.
 
-use faer::diag::Diag;
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::evd::{ComputeEigenvectors, self_adjoint_evd, self_adjoint_evd_scratch};
-use faer::{Mat, Par};
+use faer::Mat;
 
+use super::eigen::falling_eigenpairs;
 use super::{Covariance, SubspaceError};
 
 /// Orthonormal directions of falling variance.
@@ -68,31 +66,11 @@ pub fn principal_components(covariance: &Covariance) -> Result<PrincipalComponen
     let muscles = covariance.muscle_count();
     let matrix =
         Mat::from_fn(muscles, muscles, |i, j| covariance.between(i, j).unwrap_or(f64::NAN));
-    let mut eigenvalues = Diag::<f64>::zeros(muscles);
-    let mut eigenvectors = Mat::<f64>::zeros(muscles, muscles);
-    let scratch = self_adjoint_evd_scratch::<f64>(
-        muscles,
-        ComputeEigenvectors::Yes,
-        Par::Seq,
-        Default::default(),
-    );
-    self_adjoint_evd(
-        matrix.as_ref(),
-        eigenvalues.as_mut(),
-        Some(eigenvectors.as_mut()),
-        Par::Seq,
-        MemStack::new(&mut MemBuffer::new(scratch)),
-        Default::default(),
-    )
-    .map_err(|_| SubspaceError::NoConvergence { muscles })?;
-
-    let mut variances = Vec::with_capacity(muscles);
+    let (variances, vectors) = falling_eigenpairs(matrix.as_ref())?;
     let mut components = Vec::with_capacity(muscles * muscles);
-    // They come in rising order.
-    for index in (0..muscles).rev() {
-        variances.push(eigenvalues.column_vector()[index].max(0.0));
-        let sign = sign_of_largest(eigenvectors.col(index).iter());
-        components.extend(eigenvectors.col(index).iter().map(|x| sign * x));
+    for vector in vectors.col_iter() {
+        let sign = sign_of_largest(vector.iter());
+        components.extend(vector.iter().map(|x| sign * x));
     }
     if !components.iter().all(|x| x.is_finite()) {
         return Err(SubspaceError::NoConvergence { muscles });

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
-use super::walking::{self, CycleArguments, Labelled, Walks};
-use crate::analysis::emg::{BicepsFemoris, HUMAN_CHANNELS, Side};
+use super::walking::{self, CycleArguments, Labelled, Leg, Walks};
+use crate::analysis::emg::{BicepsFemoris, HUMAN_CHANNELS};
 use crate::analysis::undefined::Undefined;
 use crate::cli::context::{Context, Outcome};
 use crate::cli::finish::{self, Output};
@@ -45,13 +45,6 @@ pub struct EmgArguments {
     play: PlayArguments,
 }
 
-/// A leg.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Leg {
-    Left,
-    Right,
-}
-
 /// A head of the biceps femoris.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Head {
@@ -71,7 +64,7 @@ fn speed(text: &str) -> Result<WalkingSpeed, String> {
 /// Runs the command.
 pub fn run(context: &Context, arguments: &EmgArguments) -> anyhow::Result<Outcome> {
     let options = EmgOptions {
-        side: if arguments.side == Leg::Left { Side::Left } else { Side::Right },
+        side: arguments.side.into(),
         biceps_femoris: match arguments.bf {
             Head::Long => BicepsFemoris::LongHead,
             Head::Short => BicepsFemoris::ShortHead,

@@ -5,8 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
-use super::walking::{self, CycleArguments, Labelled};
-use crate::analysis::emg::Side;
+use super::walking::{self, CycleArguments, Labelled, Leg};
 use crate::analysis::factor::FACTOR_MUSCLES;
 use crate::assets::platform;
 use crate::cli::context::{Context, Outcome};
@@ -40,13 +39,6 @@ pub struct FactorsArguments {
     cycles: CycleArguments,
     #[command(flatten)]
     play: PlayArguments,
-}
-
-/// A leg.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Leg {
-    Left,
-    Right,
 }
 
 /// A rotation of factors.
@@ -116,7 +108,7 @@ fn activations(
         let machine = json!({"profiles": path, "platform": platform::describe_here()});
         return Ok((activations, source, machine));
     }
-    let side = if arguments.side == Leg::Left { Side::Left } else { Side::Right };
+    let side = arguments.side.into();
     let options = arguments.cycles.options();
     let recordings: Vec<Labelled> = arguments.recording.iter().cloned().collect();
     let walks = walking::gather(context, &recordings, &arguments.play, &options)?;

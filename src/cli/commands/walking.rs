@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
-use crate::analysis::emg::{ContactSensors, GaitOptions, PercentileScope};
+use crate::analysis::emg::{ContactSensors, GaitOptions, PercentileScope, Side};
 use crate::analysis::signal::LowPassOptions;
 use crate::assets::platform;
 use crate::cli::context::Context;
@@ -47,6 +47,22 @@ pub(super) struct CycleArguments {
     /// Points of the averaged cycle
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u16).range(2..))]
     points: u16,
+}
+
+/// A leg.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum Leg {
+    Left,
+    Right,
+}
+
+impl From<Leg> for Side {
+    fn from(leg: Leg) -> Self {
+        match leg {
+            Leg::Left => Self::Left,
+            Leg::Right => Self::Right,
+        }
+    }
 }
 
 /// A muscle signal of a recording.

@@ -6,6 +6,7 @@ use std::sync::LazyLock;
 use super::Rules;
 use super::finger_reach::{Fingers, NEAR};
 use super::joint_pose::Pose;
+use super::published::WALK;
 use super::registry::{Definition, Family, Source, Stepping};
 use super::walk::Goal;
 
@@ -29,20 +30,13 @@ const HAND: Definition = Definition {
     family: Family::FingerReach(Fingers::ALL, Rules::Arnold),
 };
 
-const WALK: Definition = Definition {
+const AHEAD: Definition = Definition {
     name: "kinesis_forward",
     paper_name: "Walk forward",
     summary: "walk to the point 2 m ahead of the start",
     environment: None,
-    body: "legs",
-    source: Source::Data,
-    model: "kinesis/xml/myolegs_onlylegs.xml",
-    stepping: Stepping::Whole,
-    timestep: 1.0 / 150.0,
-    substeps: 5,
-    horizon: 150,
-    solved_when: "root within 0.1 m",
     family: Family::Walk(Goal::AheadOfStart),
+    ..WALK
 };
 
 /// The tasks beside the paper's that are listed. Reaches of two to four fingers are found by name only.
@@ -88,14 +82,14 @@ pub const EXTRA: &[Definition] = &[
         family: Family::PenReorient(Rules::MyoSuite),
         ..HAND
     },
-    WALK,
+    AHEAD,
     Definition {
         name: "kinesis_moving_goal",
         paper_name: "Walk on",
         summary: "walk towards a point that stays 2 m ahead",
         solved_when: "never",
         family: Family::Walk(Goal::KeptAhead),
-        ..WALK
+        ..AHEAD
     },
 ];
 

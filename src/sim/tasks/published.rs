@@ -53,6 +53,23 @@ const fn baoding(
     }
 }
 
+/// Walking to a random point.
+pub(super) const WALK: Definition = Definition {
+    name: "kinesis",
+    paper_name: "Walk to point",
+    summary: "walk to a random point and stay there",
+    environment: Some("MuscleKinesis-v0"),
+    body: "legs",
+    source: Source::Data,
+    model: "kinesis/xml/myolegs_onlylegs.xml",
+    stepping: Stepping::Whole,
+    timestep: 1.0 / 150.0,
+    substeps: 5,
+    horizon: 150,
+    solved_when: "root within 0.1 m",
+    family: Family::Walk(Goal::Random),
+};
+
 /// The paper's tasks, in the order of its per-task table.
 pub const ALL: &[Definition] = &[
     finger_reach(
@@ -149,19 +166,5 @@ pub const ALL: &[Definition] = &[
         solved_when: "object within 0.1 m",
         family: Family::Relocate,
     },
-    Definition {
-        name: "kinesis",
-        paper_name: "Walk to point",
-        summary: "walk to a random point and stay there",
-        environment: Some("MuscleKinesis-v0"),
-        body: "legs",
-        source: Source::Data,
-        model: "kinesis/xml/myolegs_onlylegs.xml",
-        stepping: Stepping::Whole,
-        timestep: 1.0 / 150.0,
-        substeps: 5,
-        horizon: 150,
-        solved_when: "root within 0.1 m",
-        family: Family::Walk(Goal::Random),
-    },
+    WALK,
 ];

@@ -8,13 +8,11 @@
 //! The singular values and right singular vectors come from the M × M Gram matrix `XᵀX`, once for all ranks. Its
 //! rounding hides singular values below 10⁻⁷ of the largest; those are taken as zero.
 
-use faer::diag::Diag;
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::evd::{ComputeEigenvectors, self_adjoint_evd, self_adjoint_evd_scratch};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 
 use super::super::SubspaceError;
+use super::super::eigen::falling_eigenpairs;
 
 /// Time steps per block; a multiple of the 64 that the sweep handles at once.
 pub(super) const BLOCK: usize = 256;
@@ -166,31 +164,10 @@ fn right_singular_vectors(
     if !gram.col_iter().all(|column| column.iter().all(|x| x.is_finite())) {
         return Err(SubspaceError::Overflow);
     }
-    let mut eigenvalues = Diag::<f64>::zeros(muscles);
-    let mut eigenvectors = Mat::<f64>::zeros(muscles, muscles);
-    let scratch = self_adjoint_evd_scratch::<f64>(
-        muscles,
-        ComputeEigenvectors::Yes,
-        Par::Seq,
-        Default::default(),
-    );
-    self_adjoint_evd(
-        gram.as_ref(),
-        eigenvalues.as_mut(),
-        Some(eigenvectors.as_mut()),
-        Par::Seq,
-        MemStack::new(&mut MemBuffer::new(scratch)),
-        Default::default(),
-    )
-    .map_err(|_| SubspaceError::NoConvergence { muscles })?;
-    // They come in rising order.
-    let mut values: Vec<f64> = (0..muscles)
-        .rev()
-        .map(|index| eigenvalues.column_vector()[index].max(0.0).sqrt())
-        .collect();
+    let (squares, vectors) = falling_eigenpairs(gram.as_ref())?;
+    let mut values: Vec<f64> = squares.into_iter().map(f64::sqrt).collect();
     let smallest = SMALLEST_SHARE * values[0];
     values.iter_mut().filter(|value| **value < smallest).for_each(|value| *value = 0.0);
-    let vectors = Mat::from_fn(muscles, muscles, |i, j| eigenvectors[(i, muscles - 1 - j)]);
     Ok((values, vectors))
 }
 
