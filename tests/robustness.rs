@@ -47,6 +47,8 @@ fn refusal(reader: &str, bytes: &[u8]) -> Option<(String, String)> {
         "npy" => both(npz::parse_npy("a", bytes)),
         "npz" => both(Arrays::parse(bytes, 64 << 20, |_| true)),
         "vocabulary" => both(Vocabulary::from_json(bytes)),
+        "safetensors" => both(checkpoint::embedded(bytes, &Limits::default())),
+        "arguments" => both(checkpoint::read_arguments(bytes)),
         other => panic!("no reader is called {other}"),
     }
 }
@@ -55,7 +57,9 @@ fn refusal(reader: &str, bytes: &[u8]) -> Option<(String, String)> {
 fn the_corpus_is_large_and_the_same_every_time() {
     let refused = CORPUS.entries.iter().filter(|entry| entry.error.is_some()).count();
     assert!(refused >= 350, "only {refused} hostile files");
-    for reader in ["policy", "normaliser", "scaler", "npy", "npz", "vocabulary"] {
+    for reader in
+        ["policy", "normaliser", "scaler", "safetensors", "npy", "npz", "vocabulary", "arguments"]
+    {
         assert!(CORPUS.entries.iter().any(|entry| entry.reader == reader), "{reader}");
     }
     let again = tempfile::tempdir().unwrap();

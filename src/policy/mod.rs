@@ -60,8 +60,6 @@ pub enum PolicyError {
     Vocabulary { what: String },
     #[error("the checkpoint does not say {what}, which cannot be guessed")]
     Missing { what: &'static str },
-    #[error("it holds no arguments of a run: {fault}")]
-    Arguments { fault: String },
     #[error("{source_name} says {what}: {said}, but it is {found}")]
     Contradiction { source_name: &'static str, what: &'static str, said: String, found: String },
     #[error("the policy has no embedding for `{description}`")]

@@ -7,6 +7,7 @@ use super::PolicyError;
 use super::checkpoint::contents::{
     Checkpoint, Declared, Format, Normaliser, SignatureStatistics, TensorMap,
 };
+use super::checkpoint::{in_file as checkpoint_in_file, read_arguments};
 use super::loading::in_file;
 use super::network::weights::Weights;
 use super::policies::temporal::Recall;
@@ -29,9 +30,7 @@ pub(super) fn arguments_beside(checkpoint: &Path) -> Result<Option<Declared>, Po
         return Ok(None);
     }
     let bytes = read_bounded(&path, LARGEST_DOCUMENT)?;
-    let arguments = serde_json::from_slice(&bytes)
-        .map_err(|fault| in_file(&path)(PolicyError::Arguments { fault: fault.to_string() }))?;
-    Ok(Some(Declared::from_arguments(&arguments)))
+    Ok(Some(read_arguments(&bytes).map_err(checkpoint_in_file(&path))?))
 }
 
 /// The vocabulary in the file `path`, if there is one and it is not the standard one.

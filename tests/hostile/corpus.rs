@@ -14,7 +14,7 @@ pub(crate) const MARKER: &str = "EXECUTED";
 pub(crate) struct Entry {
     pub(crate) file: String,
     pub(crate) attacks: String,
-    /// Who reads it: `policy`, `normaliser`, `npy`, `npz` or `vocabulary`.
+    /// Who reads it: one of the readers of `tests/robustness.rs`.
     pub(crate) reader: String,
     /// Variants of the error from the outside in, with `/` between them; `None` for a file that must be read.
     pub(crate) error: Option<String>,

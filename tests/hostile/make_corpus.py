@@ -21,6 +21,7 @@ import zipfile
 from pathlib import Path
 
 import arrays
+import headers
 import moments
 import pickles
 import pieces
@@ -29,7 +30,16 @@ import tensors
 import zips
 from cases import MARKER, Case
 
-EXTENSIONS = {"policy": "zip", "normaliser": "pkl", "npy": "npy", "npz": "npz", "vocabulary": "json", "scaler": "pkl"}
+EXTENSIONS = {
+    "policy": "zip",
+    "normaliser": "pkl",
+    "scaler": "pkl",
+    "safetensors": "safetensors",
+    "npy": "npy",
+    "npz": "npz",
+    "vocabulary": "json",
+    "arguments": "json",
+}
 
 
 def good():
@@ -46,6 +56,8 @@ def good():
         Case("nothing: a normaliser by component", "normaliser", pieces.component_normaliser(), None),
         Case("nothing: a normaliser by signature", "normaliser", pieces.signature_normaliser(*pieces.GOOD_SIGNATURES), None),
         Case("nothing: a scaler", "scaler", moments.scaler(), None),
+        Case("nothing: a converted policy", "safetensors", headers.GOOD, None),
+        Case("nothing: arguments of a run", "arguments", b'{"num_heads": 2, "tasks": ["pen"]}', None),
         Case("nothing: an array", "npy", arrays.GOOD, None),
         Case("nothing: an archive of arrays", "npz", arrays.archive({"a.npy": arrays.GOOD}), None),
         Case("nothing: a vocabulary", "vocabulary", b'{"padding": 0, "hip": 1}', None),
@@ -72,6 +84,8 @@ def all_cases():
         "npy": arrays.single(),
         "npz": arrays.archives(),
         "vocabulary": arrays.vocabularies(),
+        "header": headers.lies(),
+        "arguments": headers.arguments(),
     }
     for group, found in groups.items():
         for number, case in enumerate(found, start=1):
@@ -199,7 +213,9 @@ def seeds(folder):
             found.append(("torch", state_program(content)))
         elif case.reader in ("npy", "npz"):
             found = [("numpy", content)]
-        elif case.reader == "vocabulary":
+        elif case.reader == "safetensors":
+            found = [("safetensors", content)]
+        elif case.reader in ("vocabulary", "arguments"):
             found = [("json", content)]
         for target, seed in found:
             if len(seed) > largest:

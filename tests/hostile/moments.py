@@ -77,7 +77,7 @@ def statistics():
             ("another object than the one it names first",
                 pickle(sequence(name(VECNORMALIZE), NONE)), "Record"),
             ("a variance that is finite in eight bytes and infinite in four",
-                signature_normaliser(*GOOD_SIGNATURES, variance=1e300), impossible, "var_mat", "index 5"),
+                signature_normaliser(*GOOD_SIGNATURES, variance=1e300), impossible, "variance", "index 5"),
             ("one row twice", table([integer(5)], 0), "Record", "row number"),
             ("a row beyond the last", table([integer(5)], 2), "Record"),
             ("a row before the first", table([integer(5)], -1), "Record"),

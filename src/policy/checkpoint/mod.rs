@@ -29,6 +29,7 @@ mod sb3;
 mod scaler;
 mod settings;
 mod siblings;
+mod statistics;
 mod storages;
 mod stream;
 mod summary;
@@ -41,6 +42,7 @@ use crate::files::{self, FileError};
 use allowed::Kind;
 use archive::Archive;
 use contents::{Checkpoint, Normaliser, Scalars};
+use declared::Declared;
 use limits::Budget;
 
 pub use archive::ArchiveError;
@@ -91,6 +93,12 @@ pub enum CheckpointError {
     Safetensors { fault: String },
     #[error("statistic `{name}` is {value} at index {index}, which no training produces")]
     ImpossibleStatistic { name: String, value: f64, index: usize },
+    #[error("statistic `{name}` has {found} numbers; the others ask for {expected}")]
+    StatisticLength { name: &'static str, expected: usize, found: usize },
+    #[error("the signature of row {row} of the statistics has no words, or not in rising order")]
+    UnsortedSignature { row: usize },
+    #[error("the first row of the statistics is not that of the padding signature (0,)")]
+    NoPaddingSignature,
     #[error("{fault}, in `{path}`")]
     InFile { fault: Box<CheckpointError>, path: PathBuf },
 }
@@ -183,6 +191,13 @@ pub fn read_settings(
     limits: &Limits,
 ) -> Result<Scalars, CheckpointError> {
     settings::read(bytes, part, &mut Budget::new(limits))
+}
+
+/// Reads the arguments of a training run, `args.json`.
+pub fn read_arguments(bytes: &[u8]) -> Result<Declared, CheckpointError> {
+    let arguments = serde_json::from_slice(bytes)
+        .map_err(|fault| CheckpointError::Settings { part: "args.json".to_owned(), fault })?;
+    Ok(Declared::from_arguments(&arguments))
 }
 
 /// Reads scikit-learn's `StandardScaler` from the bytes of its file.

@@ -16,9 +16,9 @@ use super::contents::{
     Checkpoint, ComponentStatistics, Format, Normaliser, Scalars, SignatureStatistics, Tensor,
     TensorMap,
 };
-use super::limits::{self, Budget};
-use super::storages::is_plain;
-use super::{CheckpointError, sb3};
+use super::limits::Budget;
+use super::storages::{TensorError, is_plain};
+use super::{CheckpointError, sb3, statistics};
 
 /// Name of our document in the header.
 const DOCUMENT: &str = "arnold_analyze";
@@ -26,8 +26,11 @@ const DOCUMENT: &str = "arnold_analyze";
 const NORMALISER: &str = "observation_normaliser.";
 /// Version of the document.
 const SCHEMA: u32 = 1;
-/// Far above the header of any published policy (40 kB) plus a vocabulary.
-const LARGEST_HEADER: u64 = 16 << 20;
+/// The format's own bound.
+const LONGEST_HEADER: u64 = 100_000_000;
+/// What a parsed header holds per byte of its text: a number of two bytes may become a value of thirty-two, in a list
+/// that grows by doubling. A published policy has a header of 40 kB and a vocabulary of as much.
+const MEMORY_PER_HEADER_BYTE: u64 = 64;
 
 /// A checkpoint and what belongs to it, in one file.
 #[derive(Debug, Clone)]
@@ -74,16 +77,13 @@ enum Kind {
 /// Whether a file is one of these: a length below the limit, then the brace of the header.
 pub(super) fn recognise(bytes: &[u8]) -> bool {
     let Some((length, rest)) = bytes.split_first_chunk::<8>() else { return false };
-    u64::from_le_bytes(*length) <= LARGEST_HEADER && rest.first() == Some(&b'{')
+    u64::from_le_bytes(*length) <= LONGEST_HEADER && rest.first() == Some(&b'{')
 }
 
 /// Reads a file, ours or bare weights.
 pub(super) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Package, CheckpointError> {
-    // What a parsed header holds per byte of its text, generously.
-    const MEMORY_PER_HEADER_BYTE: u64 = 8;
     let header = bytes.first_chunk::<8>().map_or(0, |length| u64::from_le_bytes(*length));
     let within = |fault| CheckpointError::Limit { part: "header".to_owned(), fault };
-    limits::check("header bytes", header, LARGEST_HEADER).map_err(within)?;
     budget.charge_memory(header.saturating_mul(MEMORY_PER_HEADER_BYTE)).map_err(within)?;
     let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| broken(&e))?;
     let document = metadata.metadata().as_ref().and_then(|texts| texts.get(DOCUMENT)).cloned();
@@ -143,7 +143,12 @@ fn weights(file: &SafeTensors<'_>, budget: &mut Budget) -> Result<TensorMap, Che
         }
         let tensor = file.tensor(name).map_err(|e| broken(&e))?;
         let shape = tensor.shape().to_vec();
-        tensors.insert(name.to_owned(), Tensor { shape, data: singles(name, &tensor, budget)? });
+        let data = singles(name, &tensor, budget)?;
+        if let Some(index) = data.iter().position(|value| !value.is_finite()) {
+            let fault = TensorError::NotFinite { value: f64::from(data[index]), index };
+            return Err(CheckpointError::Tensor { tensor: name.to_owned(), fault });
+        }
+        tensors.insert(name.to_owned(), Tensor { shape, data });
     }
     Ok(tensors)
 }
@@ -153,18 +158,13 @@ fn read_normaliser(
     described: &NormaliserDocument,
     budget: &mut Budget,
 ) -> Result<Normaliser, CheckpointError> {
-    let &NormaliserDocument { statistics, epsilon, clip, enabled } = described;
+    let &NormaliserDocument { statistics: kind, epsilon, clip, enabled } = described;
     let array = |name: &str| file.tensor(&format!("{NORMALISER}{name}")).map_err(|e| broken(&e));
-    if statistics == Kind::PerComponent {
+    if kind == Kind::PerComponent {
         let mean = doubles("mean", &array("mean")?, budget)?;
         let variance = doubles("variance", &array("variance")?, budget)?;
-        return Ok(Normaliser::PerComponent(ComponentStatistics {
-            mean,
-            variance,
-            epsilon,
-            clip,
-            enabled,
-        }));
+        let read = ComponentStatistics { mean, variance, epsilon, clip, enabled };
+        return statistics::checked(Normaliser::PerComponent(read));
     }
     let mean = array("mean")?;
     let lags = mean.shape().get(1).copied().unwrap_or(0);
@@ -180,7 +180,7 @@ fn read_normaliser(
         let ids: Vec<u16> = row.iter().copied().filter(|&id| id != 0).collect();
         if ids.is_empty() { vec![0] } else { ids }
     };
-    Ok(Normaliser::PerSignature(SignatureStatistics {
+    statistics::checked(Normaliser::PerSignature(SignatureStatistics {
         signatures: ids.chunks(words).map(signature).collect(),
         mean: singles("mean", &mean, budget)?,
         variance: singles("variance", &array("variance")?, budget)?,
@@ -297,7 +297,8 @@ fn singles(
     charge(tensor.data().len() / 4, name, budget)?;
     match tensor.dtype() {
         Dtype::F32 => {
-            Ok(tensor.data().as_chunks::<4>().0.iter().map(|&b| f32::from_le_bytes(b)).collect())
+            let numbers = tensor.data().as_chunks::<4>().0.iter();
+            Ok(numbers.map(|&bytes| f32::from_le_bytes(bytes)).collect())
         }
         other => Err(wrong_type(name, other)),
     }

@@ -11,7 +11,7 @@ use super::limits::Budget;
 use super::pickle::{self, Pickle};
 use super::records::{Id, Node, RecordError, Records};
 use super::storages::TensorError;
-use super::{CheckpointError, in_pickle};
+use super::{CheckpointError, in_pickle, statistics};
 use crate::npz::Array;
 
 const PART: &str = "normaliser";
@@ -47,7 +47,7 @@ pub(super) fn read(
     } else {
         Normaliser::PerComponent(reader.by_component()?)
     };
-    Ok((normaliser, globals))
+    Ok((statistics::checked(normaliser)?, globals))
 }
 
 struct Reader<'a, 'b> {
@@ -74,8 +74,8 @@ impl Reader<'_, '_> {
         if variance.shape != [components] {
             return Err(wrong_shape("var", &format!("[{components}]"), &variance));
         }
-        statistics.mean = checked("mean", mean.to_f64(), f64::NEG_INFINITY)?;
-        statistics.variance = checked("var", variance.to_f64(), 0.0)?;
+        statistics.mean = mean.to_f64();
+        statistics.variance = variance.to_f64();
         Ok(statistics)
     }
 
@@ -111,16 +111,12 @@ impl Reader<'_, '_> {
         }
         let table = self.require(moments, "sig_ids_dict")?;
         let signatures = self.signatures(table, rows)?;
-        let (mean, variance) = (mean.to_f32(), variance.to_f32());
-        // As they will be used: a number that is finite in eight bytes may not be in four.
-        let wide = |values: &[f32]| values.iter().copied().map(f64::from).collect();
-        checked("mean_mat", wide(&mean), f64::NEG_INFINITY)?;
-        checked("var_mat", wide(&variance), 0.0)?;
         Ok(SignatureStatistics {
             signatures,
-            mean,
-            variance,
-            count: checked("count_mat", count.to_f64(), 0.0)?,
+            // A number that is finite in eight bytes may not be in the four that are used.
+            mean: mean.to_f32(),
+            variance: variance.to_f32(),
+            count: count.to_f64(),
             lags,
             epsilon,
             clip,
@@ -137,16 +133,11 @@ impl Reader<'_, '_> {
                 .ok_or_else(|| record_error(records.unexpected("norm_obs", id, "a boolean")))?,
             None => true,
         };
-        let positive = |name: &str| {
+        let number = |name: &str| {
             let id = self.require(self.pickle.root, name)?;
-            let value = arrays::number(records, id, name).map_err(in_array(name))?;
-            if value.is_finite() && value > 0.0 {
-                Ok(value)
-            } else {
-                Err(CheckpointError::ImpossibleStatistic { name: name.to_owned(), value, index: 0 })
-            }
+            arrays::number(records, id, name).map_err(in_array(name))
         };
-        Ok((enabled, positive("epsilon")?, positive("clip_obs")?))
+        Ok((enabled, number("epsilon")?, number("clip_obs")?))
     }
 
     /// The signature of each row, from the table signature → row.
@@ -196,18 +187,6 @@ fn signature(records: &Records<'_>, key: Id) -> Option<Vec<u16>> {
     };
     let words: Vec<u16> = words.iter().map(number).collect::<Option<_>>()?;
     (!words.is_empty() && words.is_sorted()).then_some(words)
-}
-
-/// Statistics that are finite and at least `lowest`.
-fn checked(name: &str, values: Vec<f64>, lowest: f64) -> Result<Vec<f64>, CheckpointError> {
-    let impossible = |value: &f64| !value.is_finite() || *value < lowest;
-    match values.iter().position(impossible) {
-        None => Ok(values),
-        Some(index) => {
-            let (name, value) = (name.to_owned(), values[index]);
-            Err(CheckpointError::ImpossibleStatistic { name, value, index })
-        }
-    }
 }
 
 fn wrong_shape(name: &str, expected: &str, found: &Array) -> CheckpointError {
