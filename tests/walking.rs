@@ -8,8 +8,11 @@ mod common;
 
 use std::path::{Path, PathBuf};
 
-use arnold_analyze::analysis::emg::{BicepsFemoris, Side, model_muscles};
+use arnold_analyze::analysis::emg::{BicepsFemoris, HUMAN_CHANNELS, Side, model_muscles};
 use arnold_analyze::analysis::factor::{FACTOR_MUSCLES, compartments};
+use arnold_analyze::analysis::signal::resample;
+use arnold_analyze::analysis::stats::pearson;
+use arnold_analyze::experiment::emg_subjects::{WalkingSpeed, read_subjects};
 use arnold_analyze::record::profiles::{Profile, SimulationProfiles};
 use arnold_analyze::record::{
     About, Channel, Episode, EpisodeFacts, Format, Place, Precision, Recording, Samples, Timing,
@@ -304,4 +307,48 @@ fn factors_come_from_stored_profiles_and_say_which_they_miss() {
     simulation.write(&bench.path("swapped.npz")).unwrap();
     let ended = bench.run(&["factors", "--profiles", "swapped.npz"]);
     assert!(ended.code == 1 && ended.stderr.contains("expected TA, LG"), "{}", ended.stderr);
+}
+
+/// Fifteen people of another laboratory, whose description gives these correlations of their mean profiles with those of
+/// the published people, stance taken as 62 % of the cycle.
+#[test]
+fn a_cohort_of_another_laboratory_is_read_through_its_muscle_map() {
+    let (Some(published), Some(other)) =
+        (published(), common::published("emg_santuz_musclesynergies"))
+    else {
+        return;
+    };
+    let bench = Bench::new();
+    for entry in std::fs::read_dir(other.join("subjects")).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        if name.ends_with("_V.csv") {
+            bench.write(&format!("people/{name}"), &std::fs::read(&path).unwrap());
+        }
+    }
+    let columns = ["SO", "GM", "GL", "TA", "ST", "BF", "VL", "RF", "VM"];
+    let entry = |(channel, column)| format!("\"{channel}\" = \"{column}\"");
+    let muscles: Vec<String> = HUMAN_CHANNELS.iter().zip(columns).map(entry).collect();
+    let muscles = muscles.join("\n");
+    let description = format!(
+        "files = \"ID{{subject}}_TW_01_V.csv\"\nspeed = 4.5\nstance = {{ rows = 100, share = 0.62 }}\n\n\
+         [muscles]\n{muscles}"
+    );
+    let folder = bench.write("people/cohort.toml", description.as_bytes());
+    let speed = WalkingSpeed(45);
+    let people = read_subjects(folder.parent().unwrap(), speed).unwrap().people;
+    assert_eq!((people.subjects().len(), people.points()), (15, 200));
+    let reference = read_subjects(&published, speed).unwrap().people;
+    let expected = [0.91, 0.98, 0.98, 0.81, 0.96, 0.92, 0.64, 0.86, 0.96];
+    for (channel, expected) in expected.into_iter().enumerate() {
+        // The published profiles have a hundred points.
+        let ours = resample(&people.mean_profile(channel, None), 100).unwrap();
+        let theirs = reference.mean_profile(channel, None);
+        let found = pearson(&ours, &theirs).unwrap();
+        assert!((found - expected).abs() < 0.01, "{}: {found}", HUMAN_CHANNELS[channel]);
+    }
+    let ended = bench.run(&["emg", "--subjects", "people"]);
+    assert_eq!(ended.code, 0, "{}", ended.stderr);
+    let other_speed = bench.run(&["emg", "--subjects", "people", "--speed", "3.6"]);
+    assert!(other_speed.stderr.contains("hint: `--speed 4.5`"), "{}", other_speed.stderr);
 }

@@ -114,7 +114,7 @@ impl EmgResult {
     /// The result document.
     #[must_use]
     pub fn document(&self) -> Value {
-        let Subjects { people, speed, synthetic, folder, .. } = &self.subjects;
+        let Subjects { people, speed, synthetic, folder, left_out, .. } = &self.subjects;
         let fault = |fault: &ChannelFault| {
             let ChannelFault { subject, channel, fault, range } = *fault;
             let word = match fault {
@@ -141,6 +141,7 @@ impl EmgResult {
                 "folder": folder,
                 "speed_km_h": f64::from(speed.0) / 10.0,
                 "subjects": people.subjects(),
+                "left_out": left_out,
                 "faults": self.ceiling.faults.iter().map(fault).collect::<Vec<_>>(),
                 "faulty_muscles": self.ceiling.faulty.iter().map(|&m| HUMAN_CHANNELS[m]).collect::<Vec<_>>(),
                 "leave_one_out": self.correlation_document(&self.ceiling.leave_one_out),

@@ -4,10 +4,13 @@
 //! `emg_assets/human_emg/`, as the KINESIS assets have them, or as `synthetic/`, the invented people of this
 //! repository. The first of these that holds the labels is taken; people recorded at other speeds are left alone.
 //!
+//! A folder with a `cohort.toml` is of another laboratory (`emg_cohort`).
+//!
 //! A folder that holds a file `SYNTHETIC` is no measurement, and whatever is made with it has to say so.
 
 use std::path::{Path, PathBuf};
 
+use super::emg_cohort;
 use crate::analysis::emg::{EmgError, HumanProfiles, SubjectTable};
 use crate::analysis::signal::Rows;
 use crate::files::{self, FileError};
@@ -39,6 +42,16 @@ pub enum SubjectsError {
     Shape { found: Vec<usize>, path: PathBuf },
     #[error("{fault}, in `{path}`")]
     Content { fault: EmgError, path: PathBuf },
+    #[error("{fault}, in `{path}`")]
+    Description { fault: String, path: PathBuf },
+    #[error("{fault}")]
+    Table { fault: String },
+    #[error("{fault}, in `{path}`")]
+    Columns { fault: String, path: PathBuf },
+    #[error("values are missing of everybody ({left_out} people), in the tables of `{path}`")]
+    NobodyComplete { left_out: usize, path: PathBuf },
+    #[error("these people walked at {walked} km/h, not at {asked} km/h, says `{path}`")]
+    OtherSpeed { asked: WalkingSpeed, walked: f64, path: PathBuf },
     #[error("nobody was recorded at {speed} km/h (`{pattern}`), in `{path}`")]
     Nobody { speed: WalkingSpeed, pattern: String, path: PathBuf },
 }
@@ -64,10 +77,15 @@ pub struct Subjects {
     pub folder: PathBuf,
     /// BLAKE3 of everything read.
     pub hash: String,
+    /// Who was left out, and why.
+    pub left_out: Vec<String>,
 }
 
 /// Reads the people in `folder` who walked at `speed`.
 pub fn read_subjects(folder: &Path, speed: WalkingSpeed) -> Result<Subjects, SubjectsError> {
+    if folder.join(emg_cohort::DESCRIPTION).is_file() {
+        return emg_cohort::read(folder, speed);
+    }
     let layouts = LAYOUTS.map(|layout| folder.join(layout));
     let Some(folder) = layouts.into_iter().find(|folder| folder.join(LABELS).is_file()) else {
         return Err(SubjectsError::NoLabels { path: folder.to_path_buf() });
@@ -109,13 +127,24 @@ pub fn read_subjects(folder: &Path, speed: WalkingSpeed) -> Result<Subjects, Sub
         synthetic: folder.join(SYNTHETIC).exists(),
         folder,
         hash: hasher.finalize().to_hex().to_string(),
+        left_out: Vec::new(),
     })
 }
 
-fn read(path: &Path, hasher: &mut blake3::Hasher) -> Result<(String, Vec<u8>), FileError> {
-    let bytes = files::read_bounded(path, LARGEST_FILE)?;
+/// A file of at most `largest` bytes, which `hasher` sees too.
+pub(super) fn hashed(
+    path: &Path,
+    largest: u64,
+    hasher: &mut blake3::Hasher,
+) -> Result<Vec<u8>, FileError> {
+    let bytes = files::read_bounded(path, largest)?;
     hasher.update(&(bytes.len() as u64).to_le_bytes());
     hasher.update(&bytes);
+    Ok(bytes)
+}
+
+fn read(path: &Path, hasher: &mut blake3::Hasher) -> Result<(String, Vec<u8>), FileError> {
+    let bytes = hashed(path, LARGEST_FILE, hasher)?;
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     Ok((name, bytes))
 }

@@ -5,6 +5,7 @@
 
 pub mod csi;
 pub mod emg;
+mod emg_cohort;
 mod emg_figures;
 mod emg_report;
 pub mod emg_subjects;

@@ -13,7 +13,7 @@ use crate::cli::finish::{self, Output};
 use crate::cli::laboratory::PlayArguments;
 use crate::cli::render::{self, Align, Hinted};
 use crate::experiment::emg::{EmgOptions, EmgResult, HUMAN};
-use crate::experiment::emg_subjects::{Subjects, WalkingSpeed, read_subjects};
+use crate::experiment::emg_subjects::{Subjects, SubjectsError, WalkingSpeed, read_subjects};
 
 /// Arguments of `emg`.
 #[derive(Debug, Args)]
@@ -75,6 +75,9 @@ pub fn run(context: &Context, arguments: &EmgArguments) -> anyhow::Result<Outcom
     };
     let folder = arguments.subjects.clone().unwrap_or_else(|| context.data.join("emg"));
     let subjects = read_subjects(&folder, arguments.speed).map_err(|error| {
+        if let SubjectsError::OtherSpeed { walked, .. } = error {
+            return Hinted::new(error.to_string(), format!("`--speed {walked:.1}`"));
+        }
         let hint = "`arnold-analyze setup --emg` fetches the published people into the data folder, `--subjects DIR` \
                     names another; the format is in `data/emg/README.md`";
         Hinted::new(error.to_string(), hint)
@@ -130,10 +133,11 @@ pub fn run(context: &Context, arguments: &EmgArguments) -> anyhow::Result<Outcom
     Ok(outcome(&manifest.result))
 }
 
-/// A policy without a gait cycle was skipped.
+/// A policy without a gait cycle was skipped, or a person of whom something is missing.
 fn outcome(result: &Value) -> Outcome {
     let mut policies = result["policies"].as_array().into_iter().flatten();
-    if policies.any(|policy| policy["correlation"].is_null()) {
+    let complete = result["people"]["left_out"].as_array().is_none_or(Vec::is_empty);
+    if !complete || policies.any(|policy| policy["correlation"].is_null()) {
         Outcome::SomethingSkipped
     } else {
         Outcome::Done
@@ -148,6 +152,9 @@ fn warn_of_invented_people(context: &Context, subjects: &Subjects) {
              `arnold-analyze setup --emg` fetches real ones",
             subjects.folder.display()
         );
+    }
+    for text in &subjects.left_out {
+        eprintln!("warning: {text}");
     }
     let (count, speed) = (subjects.people.subjects().len(), subjects.speed);
     context.say(&format!("People: {count} at {speed} km/h, {}\n", subjects.folder.display()));

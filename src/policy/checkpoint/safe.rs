@@ -17,6 +17,7 @@ use super::contents::{
     TensorMap,
 };
 use super::limits::Budget;
+use super::records::printable;
 use super::storages::{TensorError, is_plain};
 use super::{CheckpointError, sb3, statistics};
 
@@ -89,8 +90,13 @@ pub(super) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Package, Checkpo
     let document = metadata.metadata().as_ref().and_then(|texts| texts.get(DOCUMENT)).cloned();
     let file = SafeTensors::deserialize(bytes).map_err(|e| broken(&e))?;
     let Some(document) = document else { return bare(&file, budget) };
-    let document: Document = serde_json::from_str(&document)
-        .map_err(|fault| CheckpointError::Settings { part: DOCUMENT.to_owned(), fault })?;
+    // These messages repeat names from the file.
+    let document: Document = serde_json::from_str(&document).map_err(|error| {
+        let said = printable(&error.to_string());
+        CheckpointError::Safetensors {
+            fault: format!("has a bad `{DOCUMENT}` in its header: {said}"),
+        }
+    })?;
     if document.schema != SCHEMA {
         let fault = format!("is of schema {}, this program reads {SCHEMA}", document.schema);
         return Err(CheckpointError::Safetensors { fault });
@@ -105,7 +111,7 @@ pub(super) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Package, Checkpo
             fault: format!("lacks tensor `{original}`, which `{alias}` repeats"),
         };
         if !is_plain(alias) || tensors.contains_key(alias) {
-            let fault = format!("names tensor `{}` twice", super::records::printable(alias));
+            let fault = format!("names tensor `{}` twice", printable(alias));
             return Err(CheckpointError::Safetensors { fault });
         }
         let tensor = tensors.get(original).ok_or_else(missing)?;
@@ -138,7 +144,7 @@ fn weights(file: &SafeTensors<'_>, budget: &mut Budget) -> Result<TensorMap, Che
     let mut tensors = TensorMap::new();
     for name in names.into_iter().filter(|name| !name.starts_with(NORMALISER)) {
         if !is_plain(name) {
-            let fault = format!("has a tensor called `{}`", super::records::printable(name));
+            let fault = format!("has a tensor called `{}`", printable(name));
             return Err(CheckpointError::Safetensors { fault });
         }
         let tensor = file.tensor(name).map_err(|e| broken(&e))?;
@@ -331,5 +337,5 @@ fn wrong_type(name: &str, dtype: Dtype) -> CheckpointError {
 }
 
 fn broken(error: &safetensors::SafeTensorError) -> CheckpointError {
-    CheckpointError::Safetensors { fault: format!("is damaged: {error}") }
+    CheckpointError::Safetensors { fault: format!("is damaged: {}", printable(&error.to_string())) }
 }
