@@ -147,6 +147,39 @@ pub fn open_to_append(path: &Path) -> Result<std::fs::File, FileError> {
     std::fs::File::options().append(true).create(true).open(path).map_err(fail)
 }
 
+/// Makes the first file in `folder` whose name, a number and `extension`, nobody has used yet. Several processes may ask at
+/// once, and get different files.
+pub fn new_numbered(folder: &Path, extension: &str) -> Result<(PathBuf, std::fs::File), FileError> {
+    create_folder(folder)?;
+    // Counting what is there keeps thousands of processes from trying all numbers; some may be left out, none twice.
+    let taken = list(folder)?.iter().filter(|path| has_extension(path, extension)).count();
+    let mut number = taken + 1;
+    loop {
+        let path = folder.join(format!("{number:05}.{extension}"));
+        match std::fs::File::options().append(true).create_new(true).open(&path) {
+            Ok(file) => return Ok((path, file)),
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => number += 1,
+            Err(source) => return Err(FileError::Write { path, source }),
+        }
+    }
+}
+
+/// Whether the name of `path` ends in `.extension`.
+#[must_use]
+pub fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension().is_some_and(|found| found == extension)
+}
+
+/// Removes a folder with all that is in it; it need not be there.
+pub fn remove_folder(path: &Path) -> Result<(), FileError> {
+    match std::fs::remove_dir_all(path) {
+        Err(source) if source.kind() != io::ErrorKind::NotFound => {
+            Err(FileError::Write { path: path.to_path_buf(), source })
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Removes a file that need not be there.
 pub fn remove(path: &Path) -> Result<(), FileError> {
     match std::fs::remove_file(path) {
@@ -345,6 +378,18 @@ mod tests {
         remove(&path).unwrap();
         remove(&path).unwrap();
         assert!(!path.exists());
+    }
+
+    #[test]
+    fn numbered_files_are_never_given_twice() {
+        let folder = tempfile::tempdir().unwrap();
+        let next = || new_numbered(&folder.path().join("a"), "log").unwrap().0;
+        let (first, second) = (next(), next());
+        remove(&first).unwrap();
+        let third = next();
+        assert!(second.ends_with("a/00002.log") && third.ends_with("a/00003.log"), "{third:?}");
+        remove_folder(&folder.path().join("a")).unwrap();
+        remove_folder(&folder.path().join("a")).unwrap();
     }
 
     #[test]

@@ -8,7 +8,8 @@
 //! cli → experiment → sim → policy
 //!                  → analysis, record, figure
 //! cli → assets
-//! everything → units, files, npz, zip_directory
+//! train → policy
+//! everything → units, files, npz, random, zip_directory
 //! ```
 //!
 //! * [`analysis`]: mathematics. Matrices in, numbers out.
@@ -17,6 +18,7 @@
 //! * [`record`]: tables on disk. `figure`: figures as SVG, PDF and PNG.
 //! * `experiment`: plans, seeds, provenance, and the sweeps made of them.
 //! * [`assets`]: what the program may not carry and fetches: `MuJoCo` libraries, `MyoSuite` models.
+//! * [`train`]: losses, gradients and the optimiser; what is trained is what [`policy`] reads.
 //! * [`cli`]: the front desk.
 //!
 //! # Squeezing an action into a subspace
@@ -85,8 +87,10 @@ pub mod figure;
 pub mod files;
 pub mod npz;
 pub mod policy;
+pub mod random;
 pub mod record;
 #[cfg(feature = "sim")]
 pub mod sim;
+pub mod train;
 pub mod units;
 pub mod zip_directory;

@@ -24,7 +24,9 @@ use arnold_analyze::policy::policies::mlp::MlpPolicy;
 use arnold_analyze::policy::policies::recurrent::RecurrentPolicy;
 use arnold_analyze::policy::policies::transformer::TransformerPolicy;
 use arnold_analyze::policy::{Actor, ObservationVariant, Policy, PolicyError, TaskInterface};
-use arnold_analyze::sim::rollout::{ActionMode, Channels, EpisodeSpec, Machine, RolloutPlan, play};
+use arnold_analyze::sim::rollout::{
+    ActionMode, Channels, EpisodeSpec, Machine, RolloutPlan, Subspace, play,
+};
 use arnold_analyze::sim::tasks::{self, Definition, RewardConfiguration};
 use common::physics::Physics;
 
@@ -149,7 +151,7 @@ fn allocations(
     machine: &Machine,
     task: &'static Definition,
     policy: &dyn Policy,
-    projection: &Projection,
+    projection: &Subspace,
     horizon: usize,
 ) -> (usize, usize) {
     // The registry's tasks live as long as the program, and so does what is played in their place.
@@ -179,10 +181,10 @@ fn allocations(
 }
 
 /// Onto three components of made-up actions.
-fn projection(muscles: usize) -> Projection {
+fn projection(muscles: usize) -> Subspace {
     let mut actions = Covariance::new(muscles);
     (0..3 * muscles).for_each(|row| actions.push_row(&wave(muscles, row)).unwrap());
-    Projection::new(&principal_components(&actions).unwrap(), 3).unwrap()
+    Subspace::Actions(Projection::new(&principal_components(&actions).unwrap(), 3).unwrap())
 }
 
 /// Made-up numbers that differ everywhere.

@@ -37,16 +37,35 @@ fn help_of_every_command_names_its_options_within_100_columns() {
         ("convert", &["<FILE>...", "--to <FORMAT>", "--out <PATH>", "--signals <NAME>..."]),
         ("tasks", &["[TASK]"]),
         ("rollout", &[playing, &["--format <FORMAT>..."]].concat()),
-        ("evaluate", playing),
-        ("csi", &[playing, &["--components <LIST>", "--no-pooled"]].concat()),
+        ("evaluate", &[playing, &["--benchmarks <[NAME=]PATH>...", "--experts <DIR>"]].concat()),
+        ("curves", &["[TABLE]...", "--run <METHOD:TASK=PATH[,PATH]>", "--recipe <RECIPE>"]),
+        ("figures", &["[NAME]...", "--runs <DIR>"]),
+        ("stats", &["<FILE>", "--unit <COLUMN>...", "--alternative <ALTERNATIVE>"]),
+        (
+            "csi",
+            &[
+                playing,
+                &["--components <LIST>", "--no-pooled", "--basis <BASIS>", "--n-fits <N>"],
+                &["--components-of <FILE|NAME>", "--relative-to <FILE>", "--budget <BUDGET>"],
+            ]
+            .concat(),
+        ),
+        ("plan", &["<COMMAND|FILE>...", "--out <DIR>", "--emit <SCHEDULER>", "--array-limit <N>"]),
+        ("work", &["<DIR>", "--shard <I/N>", "--threads <N>"]),
+        ("status", &["<DIR>", "--watch"]),
+        ("gather", &["<DIR>"]),
         (
             "emg",
             &[playing, &["--subjects <DIR>", "--recording <[LABEL=]FILE>...", "--bf <BF>"]]
                 .concat(),
         ),
         ("factors", &[playing, &["--recording <[LABEL=]FILE>", "--profiles <FILE>"]].concat()),
-        ("smoothness", &[playing, &["--recording <NAME=PATH>...", "--skip-undefined"]].concat()),
-        ("kinematics", &[playing, &["--recording <NAME=PATH>..."]].concat()),
+        ("smoothness", &[playing, &["--recording <[NAME=]PATH>...", "--skip-undefined"]].concat()),
+        ("kinematics", &[playing, &["--recording <[NAME=]PATH>..."]].concat()),
+        (
+            "train",
+            &["<REGIME>", "--task <NAME>...", "--network <NAME>", "--teacher <[TASK=]POLICY>..."],
+        ),
         ("verify", &["traces", "policy"]),
         ("bench", &["policy", "loop", "--quick"]),
     ];
@@ -71,13 +90,16 @@ fn help_of_every_command_names_its_options_within_100_columns() {
 fn exit_codes_are_0_done_1_failed_2_bad_arguments_3_something_skipped() {
     let bench = Bench::new();
     bench.write("juggling_mj2.3.7_s0.npz", b"");
-    let cases: [(i32, &[&str]); 7] = [
+    let cases: [(i32, &[&str]); 10] = [
         (0, &["tasks"]),
         (1, &["tasks", "elbow_poze"]),
         (1, &["inspect", "nothing.zip"]),
         (2, &[]),
         (2, &["juggle"]),
         (2, &["evaluate", "--deterministic", "--stochastic"]),
+        (2, &["plan", "--out", "sweep", "evaluate", "--deterministic", "--stochastic"]),
+        (1, &["plan", "--out", "sweep", "tasks"]),
+        (1, &["work", "sweep"]),
         (3, &["verify", "traces", "."]),
     ];
     for (code, words) in cases {

@@ -8,12 +8,16 @@ mod common;
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::{Condvar, Mutex};
+use std::time::Duration;
 
 use arnold_analyze::analysis::subspace::{Covariance, Projection, principal_components};
 use arnold_analyze::assets::PhysicsVersion;
 use arnold_analyze::experiment::seed;
-use arnold_analyze::policy;
-use arnold_analyze::sim::rollout::{ActionMode, Channels, Episode, RolloutPlan, play};
+use arnold_analyze::policy::{self, Actor, ObservationVariant, Policy, PolicyError, TaskInterface};
+use arnold_analyze::sim::rollout::{
+    ActionMode, Channels, Episode, Machine, RolloutPlan, Subspace, play,
+};
 use arnold_analyze::sim::tasks::{self, Definition, RewardConfiguration};
 use common::bench::{Bench, files_below};
 use common::physics::{Physics, elbow_policy};
@@ -72,6 +76,80 @@ fn csi_gives_the_same_bytes_however_it_runs() {
 }
 
 #[test]
+fn csi_with_synergies_gives_the_same_bytes_and_ends_at_the_policy_itself() {
+    let synergies = ["csi", "--basis", "nmf", "--n-fits", "3", "--components", "1-2,5-6"];
+    let document = same_bytes(&[&synergies, &ELBOW[..]].concat());
+    let curve = &document["tasks"]["elbow_pose"];
+    assert_eq!(curve["solved_fraction"][3], curve["unprojected"]["mean"]);
+    assert_eq!(curve["r_squared"][3], 1.0);
+    assert!(curve["r_squared"][2].as_f64() > curve["r_squared"][0].as_f64(), "{curve}");
+    assert_ne!(curve["solved_fraction"][0], curve["unprojected"]["mean"]);
+}
+
+/// A policy that waits, in its first step, until another thread has come as far.
+struct Companionable {
+    arrived: (Mutex<usize>, Condvar),
+}
+
+struct Waiting<'a>(&'a Companionable, bool);
+
+impl Companionable {
+    fn meet(&self) {
+        let (arrived, everybody) = &self.arrived;
+        let mut arrived = arrived.lock().unwrap();
+        *arrived += 1;
+        everybody.notify_all();
+        let patience = Duration::from_secs(30);
+        let waited =
+            everybody.wait_timeout_while(arrived, patience, |arrived| *arrived < 2).unwrap();
+        assert!(!waited.1.timed_out(), "one thread waits for the other to end");
+    }
+}
+
+impl Policy for &'static Companionable {
+    fn variant(&self) -> ObservationVariant {
+        ObservationVariant::Muscle
+    }
+
+    fn bind(&self, _task: &TaskInterface, _slots: usize) -> Result<Box<dyn Actor>, PolicyError> {
+        Ok(Box::new(Waiting(self, false)))
+    }
+}
+
+impl Actor for Waiting<'static> {
+    fn reset(&mut self, _slot: usize) {}
+
+    fn act(&mut self, _: &[usize], _: &[f32], means: &mut [f32], _: Option<&mut [f32]>) {
+        if !std::mem::replace(&mut self.1, true) {
+            self.0.meet();
+        }
+        means.fill(0.0);
+    }
+
+    fn clips_actions(&self) -> bool {
+        true
+    }
+}
+
+#[test]
+fn two_threads_play_at_the_same_time() {
+    let policy: &'static Companionable =
+        Box::leak(Box::new(Companionable { arrived: Default::default() }));
+    let machine = Machine { threads: 2, ..Physics::of(PhysicsVersion::V2_3_7).machine() };
+    let plan = RolloutPlan {
+        task: tasks::find("elbow_pose").unwrap(),
+        policy: &policy,
+        mode: ActionMode::Deterministic,
+        action_noise: 0.0,
+        projections: &[],
+        channels: Channels::Counts,
+        rewards: RewardConfiguration::Sparse,
+    };
+    let specs: Vec<_> = (0..4).map(|i| seed::episode(0, plan.task.name, i, None)).collect();
+    assert_eq!(play(&machine, &plan, &specs, &|_| ()).unwrap().len(), 4);
+}
+
+#[test]
 fn csi_of_a_recurrent_policy_gives_the_same_bytes_and_ends_at_the_policy_itself() {
     let Some(policy) = recurrent_baoding_policy() else { return };
     let policy = policy.display().to_string();
@@ -114,7 +192,8 @@ fn all_components_are_the_policy_itself(policy: &Path, task: &'static Definition
         covariance.push_rows(&episode.recording.action_mean).unwrap();
     }
     let components = principal_components(&covariance).unwrap();
-    let projections = [muscles, muscles - 1].map(|k| Projection::new(&components, k).unwrap());
+    let projections =
+        [muscles, muscles - 1].map(|k| Subspace::Actions(Projection::new(&components, k).unwrap()));
     let projected = RolloutPlan { projections: &projections, ..plan.clone() };
     for (free, all) in free.iter().zip(played(&projected, Some(0))) {
         assert_eq!((free.steps, free.solved_steps), (all.steps, all.solved_steps));

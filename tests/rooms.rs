@@ -14,29 +14,33 @@ mod tokens;
 use tokens::Token;
 
 /// A room and the rooms it may use.
-const ROOMS: [(&str, &str); 12] = [
-    ("cli", "analysis assets experiment figure files npz policy record sim units"),
+const ROOMS: [(&str, &str); 14] = [
+    ("cli", "analysis assets experiment figure files npz policy record sim train units"),
     ("experiment", "analysis assets figure files npz policy record sim units"),
-    ("sim", "analysis assets files npz policy units"),
+    ("sim", "analysis assets files npz policy random units"),
+    ("train", "analysis files npz policy random record sim"),
     ("policy", "files npz units zip_directory"),
     ("analysis", "units"),
     ("record", "files npz units"),
     ("figure", "files units"),
     ("assets", "files"),
     ("npz", "files zip_directory"),
+    ("random", ""),
     ("files", ""),
     ("units", ""),
     ("zip_directory", ""),
 ];
 
 /// Crates that only some rooms may name.
-const OWNED_CRATES: [(&str, &str); 17] = [
+const OWNED_CRATES: &[(&str, &str)] = &[
     ("clap", "cli"),
+    ("signal_hook", "cli"),
     ("indicatif", "cli"),
     ("polars", "record"),
     ("mcap", "record"),
     ("hdf5_pure", "record"),
     ("zstd", "record"),
+    ("flate2", "assets record"),
     ("rerun", "record"),
     ("libloading", "sim"),
     ("realfft", "analysis"),

@@ -63,15 +63,67 @@ pub enum Command {
     /// Measure how smooth movements are, and compare policies
     Smoothness(commands::smoothness::SmoothnessArguments),
     #[cfg(feature = "play")]
+    /// Take muscle activity apart into principal components and synergies, per task and pooled
+    Synergies(Box<commands::synergies::SynergiesArguments>),
+    #[cfg(feature = "play")]
+    /// Compare the action subspaces of tasks and of policies: variance and angle that differ
+    Subspaces(Box<commands::subspaces::SubspacesArguments>),
+    #[cfg(feature = "play")]
     /// Compare muscle activity of walking with human EMG, and people with each other
     Emg(Box<commands::emg::EmgArguments>),
     #[cfg(feature = "play")]
     /// Factors of the leg muscles over the gait cycle, after Ivanenko et al. 2004
     Factors(Box<commands::factors::FactorsArguments>),
     #[cfg(feature = "play")]
+    /// Learning curves from event files and tables: joined, smoothed, averaged, drawn
+    Curves(Box<commands::curves::CurvesArguments>),
+    #[cfg(feature = "play")]
+    /// Gather every figure and table of the paper: from finished runs, from published data, or say what is missing
+    Figures(commands::figures::FiguresArguments),
+    #[cfg(feature = "play")]
+    /// The paper's tests on any tidy table: signed rank, rank sum, t, bootstrap, with corrections
+    Stats(Box<commands::stats::StatsArguments>),
+    #[cfg(feature = "play")]
+    /// List the episodes of another command, for many to work on; with scripts for a cluster if wanted
+    Plan(commands::plan::PlanArguments),
+    #[cfg(feature = "play")]
+    /// Play a part of what was planned, or all that is missing
+    Work(commands::work::WorkArguments),
+    #[cfg(feature = "play")]
+    /// Show how far a planned or stopped command is
+    Status(commands::status::StatusArguments),
+    #[cfg(feature = "play")]
+    /// Make the results of what was planned, once all of it is played
+    Gather(commands::gather::GatherArguments),
+    #[cfg(feature = "play")]
+    /// Train a policy: from rewards, in resumable runs
+    Train(Box<commands::train::TrainArguments>),
+    #[cfg(feature = "play")]
     /// Check this machine against recorded episodes and policy outputs of the published code
     Verify(commands::verify::VerifyArguments),
     #[cfg(feature = "play")]
     /// Measure how fast this machine plays, against its own limits
     Bench(commands::bench::BenchArguments),
+}
+
+#[cfg(feature = "play")]
+impl Command {
+    /// Whether the command may play episodes, so that it can be planned.
+    #[must_use]
+    pub fn plays(&self) -> bool {
+        !matches!(
+            self,
+            Self::Setup(_)
+                | Self::Doctor(_)
+                | Self::Inspect(_)
+                | Self::Convert(_)
+                | Self::Tasks(_)
+                | Self::Verify(_)
+                | Self::Bench(_)
+                | Self::Plan(_)
+                | Self::Work(_)
+                | Self::Status(_)
+                | Self::Gather(_)
+        )
+    }
 }

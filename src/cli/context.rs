@@ -4,6 +4,8 @@ use std::io::IsTerminal;
 use std::path::PathBuf;
 
 use super::args::GlobalArguments;
+#[cfg(feature = "play")]
+use super::sweep::Assignment;
 
 /// How a command ended when it did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,18 +29,26 @@ pub struct Context {
     pub verbosity: u8,
     /// Whether stderr is a terminal, i.e. whether a bar may be drawn.
     pub interactive: bool,
+    /// What was typed: the command and its options.
+    pub words: Vec<String>,
+    /// Which part of a sweep is to be done; `None`: all of it, at once.
+    #[cfg(feature = "play")]
+    pub assignment: Option<Assignment>,
 }
 
 impl Context {
     /// Reads the global options once.
     #[must_use]
-    pub fn new(arguments: &GlobalArguments) -> Self {
+    pub fn new(arguments: &GlobalArguments, words: Vec<String>) -> Self {
         Self {
             data: arguments.data.clone(),
             json: arguments.json,
             quiet: arguments.quiet,
             verbosity: arguments.verbose,
             interactive: std::io::stderr().is_terminal(),
+            words,
+            #[cfg(feature = "play")]
+            assignment: None,
         }
     }
 

@@ -5,6 +5,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use crate::experiment::ExperimentError;
+use crate::experiment::gather;
 use crate::experiment::run_folder::{Manifest, RunFolder};
 use crate::figure::{Provenance, write_figure};
 use crate::record::{
@@ -123,7 +124,10 @@ pub fn open_below(
     command: &str,
     plan: &Value,
 ) -> anyhow::Result<(RunFolder, Option<Manifest>)> {
-    let folder = RunFolder::new(out, command, plan);
+    let folder = match &context.assignment {
+        Some(assignment) => RunFolder::at(assignment.folder.clone(), command, plan),
+        None => RunFolder::new(out, command, plan),
+    };
     if let Some(manifest) = folder.finished() {
         context.say(&format!("Already done; delete `{}` to run it again", folder.path.display()));
         return Ok((folder, Some(manifest)));
@@ -143,13 +147,17 @@ pub fn provenance(laboratory: &Laboratory) -> Provenance {
     }
 }
 
-/// Prints a finished run: its JSON document, or `table` and where the files are.
+/// Prints a finished run: its JSON document, or `table` and where the files are. A run that needed no extra step leaves
+/// nothing but its results.
 pub fn print(
     context: &Context,
     folder: &RunFolder,
     manifest: &Manifest,
     table: &dyn Fn(&Value) -> String,
 ) -> anyhow::Result<Outcome> {
+    if context.assignment.is_none() {
+        gather::tidy(&folder.path)?;
+    }
     if context.json {
         let mut document = json!({
             "command": manifest.command,

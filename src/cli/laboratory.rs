@@ -8,18 +8,19 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use crate::assets::{self, AssetError, Cache, Part, PhysicsVersion};
-use crate::policy::shelf::{self, Choice};
-use crate::policy::{self, Loaded, Member, ObservationVariant};
+use crate::experiment::plan::Arm;
+use crate::experiment::worker::Scene;
+use crate::policy::{self, Loaded, Member};
 use crate::sim::bodies::Bodies;
 use crate::sim::engine::{EngineError, Library};
 use crate::sim::environment::Environment;
-use crate::sim::rollout::{ActionMode, Machine, RolloutPlan};
+use crate::sim::rollout::{ActionMode, Channels, Machine, RolloutPlan};
 use crate::sim::tasks::{self, Definition, RewardConfiguration};
 
 use super::commands::setup;
 use super::context::Context;
-use super::default_policy::{self, Origin};
-use super::explain;
+use super::default_policy::Origin;
+use super::policy_choice;
 use super::render::Hinted;
 
 /// Options of every command that plays a policy.
@@ -35,7 +36,8 @@ pub struct PlayArguments {
     #[arg(long, value_name = "FILE")]
     normaliser: Option<PathBuf>,
     /// Tasks to play: names, or every task that fits of the paper's (`all`, `hand`) or of the others (`extra`)
-    /// [default: all; for `smoothness` hand, for `kinematics` `baoding_p1_ccw`]
+    /// [default: all; for `smoothness`, `synergies`, `subspaces` hand, for `kinematics`
+    /// `baoding_p1_ccw`]
     #[arg(long, value_name = "NAME", num_args = 1.., value_delimiter = ',')]
     pub(super) task: Vec<String>,
     /// Episodes per task
@@ -79,6 +81,12 @@ impl PlayArguments {
     pub fn out(&self) -> &Path {
         &self.out
     }
+
+    /// Worker threads.
+    #[must_use]
+    pub fn threads(&self) -> usize {
+        self.threads.map_or_else(all_cores, NonZeroUsize::get)
+    }
 }
 
 fn count(text: &str) -> Result<NonZeroUsize, String> {
@@ -111,6 +119,8 @@ pub struct Laboratory {
     pub policy: Loaded,
     /// How it was chosen.
     pub chosen_because: &'static str,
+    /// Another one, whose actions make the components in which the first one plays.
+    pub components_of: Option<Loaded>,
     /// Physics, models, threads.
     pub machine: Machine,
     /// Which physics.
@@ -158,21 +168,27 @@ impl Laboratory {
         let cache = Cache::locate();
         let models = available(context, &cache, Part::MyoSuite, Cache::myosuite)?;
         let library = open_library(context, &cache, arguments.physics)?;
-        let (mut policy, chosen_because) = open_policy(context, arguments, &named, &cache)?;
+        let (mut policy, chosen_because) = policy_choice::choose(
+            context,
+            arguments.policy.as_deref(),
+            arguments.normaliser.as_deref(),
+            &named.names(),
+            &cache,
+        )?;
         if chosen_because == Origin::Baseline.reason() {
             // The file is called `best_policy.pickle`, which says nothing in a figure.
             "MyoSuite elbow baseline (NPG)".clone_into(&mut policy.name);
         }
         let machine = Machine {
             bodies: Arc::new(Bodies::new(library, &models, &context.data)),
-            threads: arguments.threads.map_or_else(all_cores, NonZeroUsize::get),
-            batch: arguments.batch.get(),
+            threads: context.threads().map_or_else(|| arguments.threads(), NonZeroUsize::get),
+            batch: context.batch().unwrap_or(arguments.batch).get(),
         };
         let mode = match (arguments.deterministic, arguments.stochastic, defaults.mode) {
             (true, _, _) => ActionMode::Deterministic,
             (_, true, _) => ActionMode::Stochastic,
             (_, _, Some(mode)) if policy.policy.is_stochastic() => mode,
-            _ => published_mode(&policy),
+            _ => policy_choice::published_mode(&policy),
         };
         if mode == ActionMode::Stochastic && !policy.policy.is_stochastic() {
             return Err(Hinted::new(
@@ -189,6 +205,7 @@ impl Laboratory {
         let laboratory = Self {
             policy,
             chosen_because,
+            components_of: None,
             machine,
             physics: arguments.physics,
             tasks,
@@ -251,7 +268,7 @@ impl Laboratory {
             mode: self.mode,
             action_noise: self.action_noise,
             projections: &[],
-            channels: crate::sim::rollout::Channels::Counts,
+            channels: Channels::Counts,
             rewards: RewardConfiguration::Sparse,
         }
     }
@@ -272,6 +289,44 @@ impl Laboratory {
             "action_noise": self.action_noise,
             "seed": self.seed,
         })
+    }
+
+    /// The episodes of one task, as the policy plays them.
+    #[must_use]
+    pub fn arm(&self, task: &Definition, channels: Channels) -> Arm {
+        Arm {
+            stage: 0,
+            task: task.name.to_owned(),
+            policy: 0,
+            condition: Value::Null,
+            first: 0,
+            episodes: self.episodes,
+            channels,
+        }
+    }
+
+    /// What all episodes have in common and depend on.
+    #[must_use]
+    pub fn shared(&self) -> Value {
+        json!({
+            "physics": self.physics,
+            "actions": self.mode.word(),
+            "action_noise": self.action_noise,
+            "rewards": "sparse",
+            "seed": self.seed,
+        })
+    }
+
+    /// What decides about the policies: the one that plays, and the one whose components it plays in.
+    #[must_use]
+    pub fn policies(&self) -> Vec<Value> {
+        let hashes = |policy: &Loaded| {
+            json!({
+                "checkpoint_blake3": policy.checkpoint_hash,
+                "normaliser_blake3": policy.normaliser_hash,
+            })
+        };
+        std::iter::once(&self.policy).chain(&self.components_of).map(hashes).collect()
     }
 
     /// What decides nothing: where and how it ran.
@@ -298,6 +353,18 @@ impl Laboratory {
     }
 }
 
+impl Scene for Laboratory {
+    fn rollout(&self, arm: &Arm) -> RolloutPlan<'_> {
+        let named = |task: &&&'static Definition| task.name == arm.task;
+        // A plan is made of this laboratory's tasks; see `Laboratory::arm`.
+        let plan = self.plan(self.tasks.iter().find(named).unwrap_or(&self.tasks[0]));
+        match &self.components_of {
+            Some(other) if arm.policy == 1 => RolloutPlan { policy: other.policy.as_ref(), ..plan },
+            _ => plan,
+        }
+    }
+}
+
 /// One of a set of experts, for the manifest.
 fn expert_document(member: &Member) -> Value {
     json!({
@@ -309,7 +376,7 @@ fn expert_document(member: &Member) -> Value {
     })
 }
 
-fn all_cores() -> usize {
+pub(super) fn all_cores() -> usize {
     std::thread::available_parallelism().map_or(1, NonZeroUsize::get)
 }
 
@@ -340,94 +407,16 @@ pub fn available(
     }
 }
 
-/// The policy, and why that one.
-fn open_policy(
-    context: &Context,
-    arguments: &PlayArguments,
-    named: &Named,
-    cache: &Cache,
-) -> anyhow::Result<(Loaded, &'static str)> {
-    let (name, chosen_because) = if let Some(name) = &arguments.policy {
-        (name.clone(), "named by `--policy`")
-    } else {
-        let (name, origin) = default_policy::choose(&context.data, cache)?;
-        (name, origin.reason())
-    };
-    let normaliser = arguments.normaliser.as_deref();
-    if name.as_os_str() == RANDOM {
-        if normaliser.is_some() {
-            return Err(Hinted::new(
-                "random actions have no normaliser",
-                "leave `--normaliser` out, or name a checkpoint with `--policy FILE`",
-            ));
-        }
-        let because = if arguments.policy.is_some() {
-            "named by `--policy`: uniform between -1 and 1"
-        } else {
-            chosen_because
-        };
-        return Ok((Loaded::random(), because));
-    }
-    let choice = shelf::find(&name, &context.data)
-        .map_err(|error| Hinted::new(error.to_string(), POLICY_HINT))?;
-    let policy = match choice {
-        Choice::File(path) => {
-            if let Some(path) = normaliser.filter(|path| *path != Path::new(policy::NO_NORMALISER))
-            {
-                existing(path, NORMALISER_HINT)?;
-            }
-            policy::open(&path, normaliser)
-                .map_err(|error| explain::policy_error(&error, &path, normaliser))?
-        }
-        Choice::Experts(_) if normaliser.is_some() => {
-            return Err(Hinted::new(
-                "`--normaliser` names one file, but every expert has its own",
-                "leave `--normaliser` out",
-            ));
-        }
-        Choice::Experts(table) => {
-            let tasks: Vec<&str> = named.tasks.iter().map(|task| task.name).collect();
-            policy::open_experts(&table, &tasks, &context.data)
-                .map_err(|error| Hinted::new(error.to_string(), POLICY_HINT))?
-        }
-    };
-    Ok((policy, chosen_because))
-}
-
-/// The policy that comes from no file; a file of that name is `./random`.
-const RANDOM: &str = "random";
-/// What to type when there is no such policy.
-const POLICY_HINT: &str = "give a checkpoint file or the folder of a run with `--policy`; `arnold-analyze setup --arnold` fetches the published ones into the data folder, `--data DIR` names another";
-/// What to type when there is no such normaliser.
-const NORMALISER_HINT: &str = "give the normaliser file itself with `--normaliser FILE`, or leave it out to use the one beside the checkpoint";
-
-fn existing(path: &Path, hint: &str) -> anyhow::Result<()> {
-    if path.is_file() {
-        return Ok(());
-    }
-    let what = if path.is_dir() { "is a folder, not a file" } else { "does not exist" };
-    Err(Hinted::new(format!("`{}` {what}", path.display()), hint))
-}
-
-/// Single-task experts, which see the clean observation, are evaluated by their mean, everything else by samples
-/// (`spec/analysis.md` §1.1).
-fn published_mode(policy: &Loaded) -> ActionMode {
-    use crate::policy::checkpoint::contents::Format;
-    let of_all_tasks =
-        policy.members.is_empty() && policy.policy.variant() == ObservationVariant::Muscle;
-    // The evaluation of the transformer over time forces the mean (`spec/policy.md` §2.3).
-    let over_time = policy.format == Some(Format::TemporalTransformer);
-    if of_all_tasks && !over_time && policy.policy.is_stochastic() {
-        ActionMode::Stochastic
-    } else {
-        ActionMode::Deterministic
-    }
-}
-
 /// The tasks named by `words`, and whether one that does not fit is an error rather than left out.
 pub(super) struct Named {
     pub(super) tasks: Vec<&'static Definition>,
     strict: bool,
+}
+
+impl Named {
+    fn names(&self) -> Vec<&'static str> {
+        self.tasks.iter().map(|task| task.name).collect()
+    }
 }
 
 pub(super) fn named_tasks(words: &[String]) -> anyhow::Result<Named> {

@@ -1,19 +1,19 @@
 //! Where the movements of an analysis come from: recordings, or a policy that is played for it.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde_json::{Value, json};
 
 use crate::assets;
+use crate::experiment::ExperimentError;
 use crate::experiment::movement::Movements;
-use crate::experiment::recording::{self, Source};
+use crate::experiment::recording;
 use crate::experiment::run_folder::{Manifest, RunFolder};
-use crate::experiment::seed;
 use crate::figure::Provenance;
 use crate::files;
-use crate::record::{self, names};
-use crate::sim::rollout::{self, Channels, RolloutPlan};
+use crate::record::{self, Recording, names};
 use crate::sim::tasks;
 
 use super::context::Context;
@@ -21,33 +21,52 @@ use super::finish::{self, Output};
 use super::laboratory::{self, Defaults, Laboratory, PlayArguments};
 use super::progress::Progress;
 use super::render::Hinted;
+use super::sweep;
 
 /// Options of every command that analyses movements.
 #[derive(Debug, Clone, Args)]
 pub struct MovementArguments {
-    /// Recordings to analyse, instead of playing: a name for the policy, and a file or a folder of files, one per task;
-    /// may be repeated. Any format that `rollout`, `convert` or upstream's recorder writes. `--task` chooses among them,
-    /// `--episodes` is the number that each must have
-    #[arg(long, value_name = "NAME=PATH", num_args = 1.., value_parser = labelled, conflicts_with_all = ["policy", "normaliser", "deterministic", "stochastic"])]
+    /// Recordings to analyse, instead of playing: a name for the policy (else the recording's own), and a file or a folder
+    /// of files, one per task; may be repeated. Any format that `rollout`, `convert` or upstream's recorder writes. `--task`
+    /// chooses among them, `--episodes` is the number that each must have
+    #[arg(long, value_name = "[NAME=]PATH", num_args = 1.., value_parser = labelled, conflicts_with_all = ["policy", "normaliser", "deterministic", "stochastic"])]
     recording: Vec<Labelled>,
     #[command(flatten)]
     play: PlayArguments,
 }
 
-/// A policy's name and where its recordings are.
+impl MovementArguments {
+    /// Whether a recording or a policy was named.
+    #[must_use]
+    pub fn names_something(&self) -> bool {
+        !self.recording.is_empty() || self.play.names_policy()
+    }
+
+    /// Folder for results.
+    #[must_use]
+    pub fn out(&self) -> &Path {
+        self.play.out()
+    }
+}
+
+/// A policy's name, if one was typed, and where its recordings are.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Labelled {
-    policy: String,
+    policy: Option<String>,
     path: PathBuf,
 }
 
+/// What stands before the first `=` is the name.
 fn labelled(text: &str) -> Result<Labelled, String> {
-    match text.split_once('=') {
-        Some((policy, path)) if !policy.trim().is_empty() && !path.is_empty() => {
-            Ok(Labelled { policy: policy.trim().to_owned(), path: path.into() })
-        }
-        _ => Err("expected a name and a path, e.g. `expert=runs/expert/pen.parquet`".to_owned()),
+    let (policy, path) = match text.split_once('=') {
+        Some((policy, path)) => (Some(policy.trim().to_owned()), path),
+        None => (None, text),
+    };
+    if path.is_empty() || policy.as_ref().is_some_and(String::is_empty) {
+        return Err("expected a path, or a name and a path, e.g. `expert=runs/expert/pen.parquet`"
+            .to_owned());
     }
+    Ok(Labelled { policy, path: path.into() })
 }
 
 /// A recording that will be read.
@@ -70,6 +89,8 @@ pub struct Movement {
     origin: Origin,
     /// Episodes per policy and task.
     pub episodes: usize,
+    /// Worker threads.
+    pub threads: usize,
     out: PathBuf,
 }
 
@@ -84,7 +105,8 @@ impl Movement {
         if recording.is_empty() {
             let laboratory = Laboratory::open(context, play, defaults)?;
             let (episodes, out) = (laboratory.episodes, laboratory.out.clone());
-            return Ok(Self { origin: Origin::Played(Box::new(laboratory)), episodes, out });
+            let origin = Origin::Played(Box::new(laboratory));
+            return Ok(Self { origin, episodes, threads: play.threads(), out });
         }
         let wanted: Vec<&str> = match play.task.as_slice() {
             [] => Vec::new(),
@@ -102,6 +124,7 @@ impl Movement {
         Ok(Self {
             origin: Origin::Recorded(files),
             episodes: play.episodes.map_or(defaults.episodes, Into::into),
+            threads: play.threads(),
             out: play.out.clone(),
         })
     }
@@ -147,32 +170,60 @@ impl Movement {
         finish::open_below(context, &self.out, command, plan)
     }
 
-    /// Hands every policy's movements in every task to `take`, one after the other; how long that took, in seconds.
+    /// Hands every policy's movements in every task to `take`, one after the other; how long that took, in seconds, or
+    /// nothing if only a part of the playing was to be done.
     pub fn each(
         &self,
         context: &Context,
-        command: &str,
+        folder: &RunFolder,
         mut take: impl FnMut(&Movements) -> anyhow::Result<()>,
-    ) -> anyhow::Result<f64> {
-        let mut take = |movements: &Movements| {
-            if movements.diverged_steps > 0 {
-                context.say(&format!(
-                    "warning: the physics of `{}` diverged in {} steps",
-                    movements.task, movements.diverged_steps
-                ));
-            }
-            take(movements)
-        };
+    ) -> anyhow::Result<Option<f64>> {
+        let needed = [names::ACTION, names::JOINT];
+        self.each_read(context, folder, &needed, Movements::of, |movements| take(&movements))
+    }
+
+    /// Lets `read` make something of every policy's recording of every task, one after the other, and hands it to `take`;
+    /// how long that took, in seconds, or nothing if only a part of the playing was to be done. `needed` are the channels
+    /// that a hint names where one is missing.
+    pub fn each_read<T>(
+        &self,
+        context: &Context,
+        folder: &RunFolder,
+        needed: &[&str],
+        read: impl Fn(&str, &Recording) -> Result<T, ExperimentError>,
+        mut take: impl FnMut(T) -> anyhow::Result<()>,
+    ) -> anyhow::Result<Option<f64>> {
         match &self.origin {
             Origin::Recorded(files) => {
-                let progress = Progress::start(context, command, "recordings", files.len() as u64);
+                sweep::nothing_to_play(context)?;
+                let total = files.len() as u64;
+                let progress = Progress::start(context, folder.command(), "recordings", total);
                 for file in files {
-                    take(&read(file)?)?;
+                    let opened =
+                        record::read_recording(&file.path).map_err(|error| hinted(&error))?;
+                    say_diverged(context, &opened.recording);
+                    let read = read(&file.policy, &opened.recording)
+                        .map_err(|error| unusable(&error, Some(&file.path), needed))?;
+                    take(read)?;
                     progress.advance(1);
                 }
-                Ok(progress.finish())
+                Ok(Some(progress.finish()))
             }
-            Origin::Played(laboratory) => play(context, command, laboratory, take),
+            Origin::Played(laboratory) => {
+                let (laboratory, arms) = (laboratory.as_ref(), laboratory.recorded_arms());
+                let played = sweep::play(context, folder, laboratory, laboratory, arms)?;
+                let Some((played, seconds)) = played else { return Ok(None) };
+                for (place, task) in laboratory.tasks.iter().enumerate() {
+                    let (columns, episodes) = laboratory.recorded(&played, place)?;
+                    let recording =
+                        recording::recording(laboratory.source(task), &columns, episodes);
+                    say_diverged(context, &recording);
+                    let read = read(&laboratory.policy.name, &recording)
+                        .map_err(|error| unusable(&error, None, needed))?;
+                    take(read)?;
+                }
+                Ok(Some(seconds))
+            }
         }
     }
 
@@ -219,10 +270,11 @@ fn find(recordings: &[Labelled], wanted: &[&str]) -> anyhow::Result<Vec<File>> {
         for path in files_in(path)? {
             let summary = record::summarise(&path).map_err(|error| hinted(&error))?;
             let task = summary.about.task;
+            let policy = policy.clone().unwrap_or_else(|| own_name(&summary.about.policy, &path));
             if !wanted.is_empty() && !wanted.contains(&task.as_str()) {
                 continue;
             }
-            if let Some(other) = found.iter().find(|f| f.policy == *policy && f.task == task) {
+            if let Some(other) = found.iter().find(|f| f.policy == policy && f.task == task) {
                 let (one, two) = (other.path.display(), path.display());
                 return Err(Hinted::new(
                     format!("two recordings of `{policy}` in `{task}`: `{one}` and `{two}`"),
@@ -230,7 +282,7 @@ fn find(recordings: &[Labelled], wanted: &[&str]) -> anyhow::Result<Vec<File>> {
                 ));
             }
             let (episodes, sha256) = (summary.episodes.len(), files::sha256_of_file(&path)?);
-            found.push(File { policy: policy.clone(), path, task, episodes, sha256 });
+            found.push(File { policy, path, task, episodes, sha256 });
         }
     }
     if found.is_empty() {
@@ -240,10 +292,21 @@ fn find(recordings: &[Labelled], wanted: &[&str]) -> anyhow::Result<Vec<File>> {
             "leave `--task` out for all that there are",
         ));
     }
-    let policy = |file: &File| recordings.iter().position(|l| l.policy == file.policy);
+    let mut policies: Vec<String> = found.iter().map(|file| file.policy.clone()).collect();
+    let mut seen = BTreeSet::new();
+    policies.retain(|policy| seen.insert(policy.clone()));
+    let policy = |file: &File| policies.iter().position(|policy| *policy == file.policy);
     let task = |file: &File| tasks::every().position(|task| task.name == file.task);
     found.sort_by_key(|file| (policy(file), task(file).unwrap_or(usize::MAX), file.task.clone()));
     Ok(found)
+}
+
+/// What a recording calls its policy, else the file's name.
+fn own_name(policy: &str, path: &Path) -> String {
+    if !policy.trim().is_empty() {
+        return policy.trim().to_owned();
+    }
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 /// `path`, or the recordings in it if it is a folder.
@@ -266,48 +329,43 @@ fn files_in(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     Ok(inside)
 }
 
-fn read(file: &File) -> anyhow::Result<Movements> {
-    let opened = record::read_recording(&file.path).map_err(|error| hinted(&error))?;
-    Movements::of(&file.policy, &opened.recording).map_err(|error| {
-        Hinted::new(
-            format!("{error}, in `{}`", file.path.display()),
-            format!(
-                "`{}` and `{}` are needed; upstream calls them `{}` and `{}`",
-                names::ACTION,
-                names::JOINT,
-                names::to_upstream(names::ACTION),
-                names::to_upstream(names::JOINT)
-            ),
-        )
-    })
+fn say_diverged(context: &Context, recording: &Recording) {
+    let diverged = recording.episodes.iter().filter_map(|e| e.facts.diverged_steps);
+    let diverged: usize = diverged.sum();
+    if diverged > 0 {
+        let task = &recording.about.task;
+        context.say(&format!("warning: the physics of `{task}` diverged in {diverged} steps"));
+    }
 }
 
-fn play(
-    context: &Context,
-    command: &str,
-    laboratory: &Laboratory,
-    mut take: impl FnMut(&Movements) -> anyhow::Result<()>,
-) -> anyhow::Result<f64> {
-    let total = laboratory.tasks.len() * laboratory.episodes;
-    let progress = Progress::start(context, command, "episodes", total as u64);
-    for task in &laboratory.tasks {
-        let plan = RolloutPlan { channels: Channels::All, ..laboratory.plan(task) };
-        let specs: Vec<_> = (0..laboratory.episodes)
-            .map(|episode| seed::episode(laboratory.seed, task.name, episode, None))
-            .collect();
-        let episodes = rollout::play(&laboratory.machine, &plan, &specs, &|_| progress.advance(1))?;
-        let columns = rollout::channel_names(&laboratory.machine, task)?;
-        let source = Source {
-            task,
-            policy: &laboratory.policy.name,
-            mode: laboratory.mode,
-            seed: laboratory.seed,
-            metadata: std::collections::BTreeMap::new(),
-        };
-        let recording = recording::recording(source, &columns, episodes);
-        take(&Movements::of(&laboratory.policy.name, &recording)?)?;
-    }
-    Ok(progress.finish())
+/// A recording that cannot be analysed, and what to do about it.
+fn unusable(error: &ExperimentError, path: Option<&Path>, needed: &[&str]) -> anyhow::Error {
+    let message = match path {
+        Some(path) => format!("{error}, in `{}`", path.display()),
+        None => error.to_string(),
+    };
+    let hint = match error {
+        ExperimentError::EpisodeCount { .. } => {
+            "`--episodes N` says how many episodes each recording must have".to_owned()
+        }
+        ExperimentError::SuccessCount { .. } => {
+            "record more episodes, or ask for fewer with `--successful N`".to_owned()
+        }
+        ExperimentError::NoChannel { .. } => {
+            let quoted = |of: fn(&str) -> &str| {
+                let names = needed.iter().map(|name| format!("`{}`", of(name)));
+                names.collect::<Vec<_>>().join(" and ")
+            };
+            let verb = if needed.len() == 1 { "is" } else { "are" };
+            let (ours, theirs) = (quoted(|name| name), quoted(names::to_upstream));
+            format!("{ours} {verb} needed; upstream calls them {theirs}")
+        }
+        _ => {
+            "`arnold-analyze inspect FILE` shows what a recording holds; leave the damaged one out"
+                .to_owned()
+        }
+    };
+    Hinted::new(message, hint)
 }
 
 fn hinted(error: &record::RecordError) -> anyhow::Error {
@@ -322,11 +380,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_recording_has_a_name_and_a_path_that_may_hold_what_it_likes() {
+    fn a_recording_has_a_path_and_perhaps_a_name_before_the_first_sign() {
         let found = labelled("Multi-task OBC=a b/c=d.h5").unwrap();
-        assert_eq!((found.policy.as_str(), found.path), ("Multi-task OBC", "a b/c=d.h5".into()));
-        for wrong in ["", "pen.h5", "=pen.h5", "expert=", " =x"] {
+        let name = Some("Multi-task OBC");
+        assert_eq!((found.policy.as_deref(), found.path), (name, "a b/c=d.h5".into()));
+        let found = labelled("runs/pen.h5").unwrap();
+        assert_eq!((found.policy, found.path), (None, "runs/pen.h5".into()));
+        for wrong in ["", "=pen.h5", "expert=", " =x"] {
             assert!(labelled(wrong).is_err(), "{wrong}");
         }
+    }
+
+    #[test]
+    fn a_recording_without_a_label_is_called_by_its_own_policy_else_by_its_file() {
+        assert_eq!(own_name("arnold/seed_0", Path::new("a/pen.h5")), "arnold/seed_0");
+        assert_eq!(own_name(" ", Path::new("a/pen.h5")), "pen");
     }
 }

@@ -18,6 +18,8 @@ pub struct Progress {
     unit: &'static str,
     total: u64,
     done: AtomicU64,
+    /// Done before this life of the program: no part of its rate.
+    before: u64,
     start: Instant,
     last_line: Mutex<Instant>,
     quiet: bool,
@@ -27,6 +29,18 @@ impl Progress {
     /// Starts counting `total` things called `unit`.
     #[must_use]
     pub fn start(context: &Context, label: &str, unit: &'static str, total: u64) -> Self {
+        Self::resume(context, label, unit, total, 0)
+    }
+
+    /// The same where `before` of them are done already.
+    #[must_use]
+    pub fn resume(
+        context: &Context,
+        label: &str,
+        unit: &'static str,
+        total: u64,
+        before: u64,
+    ) -> Self {
         let bar = (context.interactive && !context.quiet).then(|| {
             let bar =
                 ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr_with_hz(8));
@@ -36,7 +50,7 @@ impl Progress {
                 bar.set_style(style.progress_chars("━╸─"));
             }
             bar.set_message(label.to_owned());
-            bar
+            bar.with_position(before)
         });
         let start = Instant::now();
         Self {
@@ -44,7 +58,8 @@ impl Progress {
             label: label.to_owned(),
             unit,
             total,
-            done: AtomicU64::new(0),
+            done: AtomicU64::new(before),
+            before,
             start,
             last_line: Mutex::new(start),
             quiet: context.quiet,
@@ -56,6 +71,9 @@ impl Progress {
         let done = self.done.fetch_add(count, Ordering::Relaxed) + count;
         if let Some(bar) = &self.bar {
             bar.set_position(done);
+            if done >= self.total {
+                bar.finish_and_clear();
+            }
             return;
         }
         if self.quiet {
@@ -64,7 +82,7 @@ impl Progress {
         let Ok(mut last) = self.last_line.lock() else { return };
         if last.elapsed() >= LINE_INTERVAL {
             *last = Instant::now();
-            let rate = done as f64 / self.start.elapsed().as_secs_f64();
+            let rate = (done - self.before) as f64 / self.start.elapsed().as_secs_f64();
             let left = self.total.saturating_sub(done) as f64 / rate.max(1e-9);
             eprintln!(
                 "{}: {done}/{} {}, {rate:.1} per s, {} left",

@@ -121,6 +121,51 @@ pub fn table(columns: &[(&str, Align)], rows: &[Vec<String>]) -> String {
     text
 }
 
+/// The `warnings` of a result document below an empty line, each from a line of its own on.
+#[must_use]
+pub fn warnings(result: &serde_json::Value) -> String {
+    let warnings = result["warnings"].as_array().into_iter().flatten();
+    let lines: String = warnings
+        .filter_map(|warning| Some(wrapped(&format!("warning: {}", warning.as_str()?))))
+        .collect();
+    if lines.is_empty() { lines } else { format!("\n{lines}") }
+}
+
+/// `text` in lines as wide as a terminal, where its words allow, all but the first indented.
+fn wrapped(text: &str) -> String {
+    const WIDTH: usize = 80;
+    let mut lines = String::new();
+    let mut used = 0;
+    for word in text.split_whitespace() {
+        let length = word.chars().count();
+        let gap = match used {
+            0 => "",
+            _ if used + 1 + length <= WIDTH => " ",
+            _ => "\n  ",
+        };
+        used = if gap.starts_with('\n') { 2 } else { used + gap.len() } + length;
+        lines.extend([gap, word]);
+    }
+    lines.push('\n');
+    lines
+}
+
+/// A number with so many decimals; a dash where it is undefined.
+#[must_use]
+pub fn number(value: &serde_json::Value, digits: usize) -> String {
+    value.as_f64().map_or_else(|| "–".to_owned(), |x| format!("{x:.digits$}"))
+}
+
+/// A p value: four decimals, and below what they can show, the bound.
+#[must_use]
+pub fn probability(value: &serde_json::Value) -> String {
+    match value.as_f64() {
+        None => "–".to_owned(),
+        Some(p) if p < 0.000_05 => "<.0001".to_owned(),
+        Some(p) => format!("{p:.4}"),
+    }
+}
+
 /// A whole number with its digits in groups of three.
 #[must_use]
 pub fn grouped(number: u64) -> String {
@@ -142,4 +187,21 @@ pub fn sparkline(values: impl Iterator<Item = f64>) -> String {
     values
         .map(|x| if x.is_nan() { ' ' } else { BLOCKS[((x.clamp(0.0, 1.0) * 8.0) as usize).min(7)] })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_warnings_are_wrapped_between_words() {
+        let word = "abcdefg ".repeat(12);
+        let text = warnings(&serde_json::json!({ "warnings": [word.trim(), "short"] }));
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), 4);
+        assert!(lines[0].is_empty() && lines[2].starts_with("  abcdefg"));
+        assert!(lines[1].len() <= 80 && lines[1].len() > 72, "{}", lines[1].len());
+        assert_eq!(lines[3], "warning: short");
+        assert_eq!(warnings(&serde_json::json!({ "warnings": [] })), "");
+    }
 }

@@ -1,8 +1,11 @@
 //! The lab bench: seeds, plans, provenance, and the sweeps made of them.
 //!
-//! Every sweep is a list of [`crate::sim::rollout::EpisodeSpec`]s, played by the one rollout loop, summarised by the
-//! analyses, and written into one [`run_folder::RunFolder`].
+//! Every sweep is a [`plan::Plan`]: an exact list of episodes. [`worker`]s play them with the one rollout loop and enter
+//! them into [`ledger`]s; [`gather`] puts them together, the analyses summarise them, and the results are written into one
+//! [`run_folder::RunFolder`].
 
+pub mod benchmarks;
+pub mod book;
 pub mod csi;
 pub mod emg;
 mod emg_cohort;
@@ -11,16 +14,32 @@ mod emg_report;
 pub mod emg_subjects;
 pub mod evaluation;
 pub mod factors;
+pub mod finished_runs;
+pub mod gather;
+pub mod hypothesis;
 pub mod kinematics;
 mod kinesis_walk;
+pub mod learning_curves;
+pub mod ledger;
 pub mod movement;
+pub mod muscle_signal;
+pub mod paper_index;
+mod parallel;
+pub mod payload;
+pub mod plan;
+pub mod published_curves;
 pub mod recording;
 pub mod run_folder;
 pub mod seed;
+pub mod slurm;
 pub mod smoothness;
+pub mod status;
+pub mod subspaces;
+pub mod synergies;
 pub mod throughput;
 pub mod verify_traces;
 pub mod walking;
+pub mod worker;
 
 use crate::analysis::signal::SignalError;
 use crate::analysis::smoothness::SmoothnessError;
@@ -34,6 +53,12 @@ pub enum ExperimentError {
     /// Playing.
     #[error(transparent)]
     Rollout(#[from] RolloutError),
+    /// Somebody asked to stop.
+    #[error("stopped")]
+    Stopped,
+    /// Planning, and putting together.
+    #[error(transparent)]
+    Sweep(#[from] gather::SweepError),
     /// Subspaces of a task's actions.
     #[error("the actions in `{task}` span no subspace: {source}")]
     Subspace {
@@ -42,6 +67,12 @@ pub enum ExperimentError {
         /// Why.
         source: SubspaceError,
     },
+    /// Actions without directions.
+    #[error("the actions of `{policy}` in `{task}` span no subspace: {source}")]
+    Actions { policy: String, task: String, source: SubspaceError },
+    /// Controls without synergies.
+    #[error("the muscle controls of `{policy}` in `{task}` have no synergies: {source}")]
+    Controls { policy: String, task: String, source: SubspaceError },
     /// A recording without what is to be analysed.
     #[error("the recording of `{policy}` in `{task}` has no channel `{channel}`")]
     NoChannel { channel: &'static str, policy: String, task: String },
@@ -63,6 +94,30 @@ pub enum ExperimentError {
     /// Too few or too many.
     #[error("`{policy}` has {found} episodes of `{task}`, expected {expected}")]
     EpisodeCount { policy: String, task: String, expected: usize, found: usize },
+    /// Fewer successes than asked for.
+    #[error("`{policy}` solved `{task}` in {found} episodes, expected {expected}")]
+    SuccessCount { policy: String, task: String, expected: usize, found: usize },
+    /// Bodies that cannot be compared.
+    #[error("`{policy}` in `{task}` has {found} muscles, but {other} has {expected}")]
+    Muscles { policy: String, task: String, other: String, expected: usize, found: usize },
+    /// The same number of muscles under other names.
+    #[error(
+        "muscle {place} of `{policy}` in `{task}` is `{found}`, but in {other} it is `{expected}`"
+    )]
+    MuscleNames {
+        policy: String,
+        task: String,
+        other: String,
+        place: usize,
+        expected: Box<str>,
+        found: Box<str>,
+    },
+    /// A comparison over tasks that misses one.
+    #[error("there is nothing of `{policy}` in `{task}`, but of `{other}` there is")]
+    MissingTask { policy: String, task: String, other: String },
+    /// One policy in one task.
+    #[error("`{policy}` in `{task}` alone cannot be compared with anything")]
+    NothingToCompare { policy: String, task: String },
     /// Measuring smoothness.
     #[error(transparent)]
     Smoothness(#[from] SmoothnessError),

@@ -59,10 +59,29 @@ impl RunFolder {
     /// The folder below `root` for `command` with `plan`.
     #[must_use]
     pub fn new(root: &Path, command: &str, plan: &Value) -> Self {
+        let folder = Self::at(PathBuf::new(), command, plan);
+        Self { path: root.join(format!("{command}-{}", folder.key)), ..folder }
+    }
+
+    /// A folder of any name, for `command` with `plan`.
+    #[must_use]
+    pub fn at(path: PathBuf, command: &str, plan: &Value) -> Self {
         let plan = json!({"program": program(), "command": command, "plan": plan});
         let hash = blake3::hash(plan.to_string().as_bytes());
         let key = hash.to_hex()[..12].to_owned();
-        Self { path: root.join(format!("{command}-{key}")), command: command.to_owned(), key, plan }
+        Self { path, command: command.to_owned(), key, plan }
+    }
+
+    /// The command that fills it.
+    #[must_use]
+    pub fn command(&self) -> &str {
+        &self.command
+    }
+
+    /// Hash of everything that decides the result.
+    #[must_use]
+    pub fn key(&self) -> &str {
+        &self.key
     }
 
     /// A file of this run.
@@ -127,7 +146,9 @@ impl RunFolder {
     }
 }
 
-fn program() -> String {
+/// This program and its version.
+#[must_use]
+pub fn program() -> String {
     format!("arnold-analyze {}", env!("CARGO_PKG_VERSION"))
 }
 

@@ -124,10 +124,11 @@ impl Frame {
     pub(super) fn draw_bottom(&self, canvas: &mut Canvas) {
         let bottom = self.area.bottom();
         self.draw_baseline(canvas);
+        // Clear of the lowest label of the vertical axis.
+        let baseline = bottom + TICK + GAP + 0.9 * SMALL_SIZE;
         for (&tick, label) in self.x.ticks.iter().zip(self.x.labels()) {
             let x = self.x_at(tick);
             canvas.line((x, bottom), (x, bottom + TICK), Stroke::solid(BLACK, SPINE));
-            let baseline = bottom + TICK + GAP + 0.72 * SMALL_SIZE;
             canvas.text((x, baseline), &label, TextStyle::new(SMALL_SIZE, Anchor::Middle));
         }
     }

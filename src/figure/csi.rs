@@ -21,6 +21,8 @@ const MARGIN: f64 = 3.0;
 const GUTTER: f64 = 9.0;
 /// For a line of text and the space around it, pt.
 const LINE: f64 = 10.0;
+/// Width of published lines, pt.
+const PUBLISHED: f64 = 0.4;
 /// Height of a panel for its width, unless it is alone.
 const ASPECT: f64 = 0.78;
 
@@ -33,6 +35,26 @@ pub enum Basis {
     Pooled,
     /// Those of the expert's actions.
     Expert,
+    /// Those of another policy's actions.
+    Other,
+}
+
+/// What the dashed lines are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reconstruction {
+    /// Of the actions, by principal components.
+    ExplainedVariance,
+    /// Of the excitations rebuilt from synergies.
+    RSquared,
+}
+
+impl Reconstruction {
+    fn label(self) -> &'static str {
+        match self {
+            Self::ExplainedVariance => "Explained variance",
+            Self::RSquared => "R²",
+        }
+    }
 }
 
 impl Basis {
@@ -40,7 +62,7 @@ impl Basis {
         match self {
             Self::TaskSpecific => BLUE,
             Self::Pooled => RED,
-            Self::Expert => VIOLET,
+            Self::Expert | Self::Other => VIOLET,
         }
     }
 
@@ -49,6 +71,7 @@ impl Basis {
             Self::TaskSpecific => "Task-specific",
             Self::Pooled => "Pooled",
             Self::Expert => "Expert",
+            Self::Other => "Another policy's",
         }
     }
 }
@@ -91,6 +114,7 @@ pub struct CsiPanel {
 pub struct CsiFigure {
     pub panels: Vec<CsiPanel>,
     pub performance: Performance,
+    pub reconstruction: Reconstruction,
     pub uncertainty: Uncertainty,
     pub provenance: Provenance,
     pub width: Width,
@@ -99,10 +123,15 @@ pub struct CsiFigure {
 impl CsiFigure {
     /// Draws the figure as SVG.
     pub fn to_svg(&self) -> Result<String, FigureError> {
+        self.to_svg_over(&[])
+    }
+
+    /// The same with published curves behind: for each panel their series, drawn thin, without bands.
+    pub fn to_svg_over(&self, published: &[Vec<CsiSeries>]) -> Result<String, FigureError> {
         if self.panels.is_empty() {
             return Err(FigureError::Empty);
         }
-        let layout = Layout::new(self);
+        let layout = Layout::new(self, published.iter().any(|series| !series.is_empty()));
         let mut canvas = Canvas::new(self.width.points(), layout.height);
         legend::draw(&mut canvas, &layout.legend, MARGIN, MARGIN);
         for (index, panel) in self.panels.iter().enumerate() {
@@ -115,6 +144,8 @@ impl CsiFigure {
             let position = (frame.area.left, frame.area.top - 4.0);
             let style = TextStyle { bold: true, ..TextStyle::new(LABEL_SIZE, Anchor::Start) };
             canvas.text(position, &title, style);
+            let behind = published.get(index).map_or(&[][..], Vec::as_slice);
+            draw_published(&mut canvas, behind, &frame);
             draw_curves(&mut canvas, panel, &frame, &layout.explained);
             let is_first = index.is_multiple_of(layout.columns);
             let is_last =
@@ -137,7 +168,7 @@ impl CsiFigure {
         canvas.text((left, middle.1), self.performance.label(), upwards);
         // Beside the last panel of a short row the label would float, so it keeps to the right edge of the grid.
         let right = grid.right() + label_room(&layout.explained) + 0.5 * LINE + 0.5 * LABEL_SIZE;
-        canvas.text((right, middle.1), "Explained variance", upwards);
+        canvas.text((right, middle.1), self.reconstruction.label(), upwards);
         let below = grid.bottom() + label_height() + LINE;
         canvas.text((middle.0, below), "Number of components", style);
         let small = TextStyle { colour: GREY, ..TextStyle::new(SMALL_SIZE, Anchor::Start) };
@@ -146,7 +177,7 @@ impl CsiFigure {
         }
     }
 
-    fn legend(&self) -> Vec<Entry> {
+    fn legend(&self, with_published: bool) -> Vec<Entry> {
         let mut bases: Vec<Basis> =
             self.panels.iter().flat_map(|panel| &panel.series).map(|series| series.basis).collect();
         bases.sort();
@@ -155,9 +186,14 @@ impl CsiFigure {
             .into_iter()
             .map(|basis| Entry::new(Sample::LineWithBand(performance_stroke(basis)), basis.label()))
             .collect();
-        entries.push(Entry::new(Sample::Line(Stroke::dashed(GREY, 0.9)), "Explained variance"));
+        let dashed = Sample::Line(Stroke::dashed(GREY, 0.9));
+        entries.push(Entry::new(dashed, self.reconstruction.label()));
         if self.panels.iter().any(|panel| panel.unprojected.is_some()) {
             entries.push(Entry::new(Sample::Line(unprojected_stroke()), "Not projected"));
+        }
+        if with_published {
+            entries
+                .push(Entry::new(Sample::Line(Stroke::solid(BLUE, PUBLISHED)), "Thin: published"));
         }
         entries
     }
@@ -186,7 +222,7 @@ struct Layout {
 }
 
 impl Layout {
-    fn new(figure: &CsiFigure) -> Self {
+    fn new(figure: &CsiFigure, with_published: bool) -> Self {
         let width = figure.width.points();
         let most = match figure.width {
             Width::OneColumn => PANELS_PER_ROW / 2,
@@ -203,7 +239,7 @@ impl Layout {
             high: performance.high / whole,
             ticks: shares.filter(|&share| share <= 1.0 + 1e-9).collect(),
         };
-        let legend = legend::rows(figure.legend(), width - 2.0 * MARGIN);
+        let legend = legend::rows(figure.legend(with_published), width - 2.0 * MARGIN);
         let footer = wrapped(&figure.footer(), SMALL_SIZE, width - 2.0 * MARGIN);
 
         let left = MARGIN + LINE + label_room(&performance);
@@ -259,6 +295,20 @@ fn performance_stroke(basis: Basis) -> Stroke {
 
 fn unprojected_stroke() -> Stroke {
     Stroke::solid(GREY, 0.6)
+}
+
+/// Published curves, thin.
+fn draw_published(canvas: &mut Canvas, published: &[CsiSeries], frame: &Frame) {
+    if published.is_empty() {
+        return;
+    }
+    canvas.clipped(frame.area.grown(0.8), |canvas| {
+        for series in published {
+            let points: Vec<(f64, f64)> =
+                series.points.iter().map(|p| frame.at(p.components as f64, p.mean)).collect();
+            canvas.polyline(&points, Stroke::solid(series.basis.colour(), PUBLISHED));
+        }
+    });
 }
 
 fn draw_curves(canvas: &mut Canvas, panel: &CsiPanel, frame: &Frame, explained: &Axis) {
@@ -356,6 +406,7 @@ mod tests {
         CsiFigure {
             panels: panels.collect(),
             performance: Performance::SolvedFraction,
+            reconstruction: Reconstruction::ExplainedVariance,
             uncertainty: Uncertainty::StandardError,
             provenance: Provenance {
                 physics: "MuJoCo 2.3.7".to_owned(),
@@ -402,6 +453,20 @@ mod tests {
         let svg = figure.to_svg().unwrap();
         assert!(!svg.contains("NaN") && !svg.contains("inf"));
         assert!(pdf_from_svg(&svg).is_ok());
+    }
+
+    #[test]
+    fn published_curves_lie_thin_behind_and_are_named() {
+        let figure = figure(&[39, 39], Width::TwoColumns);
+        let plain = figure.to_svg().unwrap();
+        assert_eq!(figure.to_svg_over(&[Vec::new()]).unwrap(), plain);
+        let published = vec![figure.panels[0].series.clone(), Vec::new()];
+        let svg = figure.to_svg_over(&published).unwrap();
+        assert!(svg.contains("Thin: published") && !plain.contains("Thin: published"));
+        assert_all_text_fits(&svg);
+        // Two lines in the first panel and one in the legend.
+        let lines = |svg: &str| svg.matches("<polyline").count();
+        assert_eq!(lines(&svg) - lines(&plain), 3);
     }
 
     #[test]

@@ -20,6 +20,7 @@ pub(super) enum Sample {
     LineWithBand(Stroke),
     Bar(&'static str),
     Ring(&'static str),
+    Dot(&'static str),
 }
 
 /// A sample and its name.
@@ -85,5 +86,6 @@ fn draw_sample(canvas: &mut Canvas, sample: Sample, x: f64, y: f64) {
             canvas.rectangle(Area { left: x + 4.0, width: SAMPLE - 4.0, ..band }, colour, 1.0);
         }
         Sample::Ring(colour) => canvas.ring((x + SAMPLE - 4.5, y), 1.6, colour),
+        Sample::Dot(colour) => canvas.circle((x + SAMPLE - 4.5, y), 1.6, colour),
     }
 }

@@ -6,28 +6,38 @@
 mod axes;
 mod bars;
 mod canvas;
+mod changes;
+mod component_curves;
 mod csi;
 mod dimensions;
 mod export;
 mod factors;
 mod fonts;
+mod grouped_bars;
 mod legend;
+mod line_grid;
 mod metrics;
 mod muscle_correlations;
 mod muscle_profiles;
 pub mod palette;
 mod pdf;
+mod radar;
 #[cfg(test)]
 mod testing;
 
 pub use bars::{Bar, BarFigure, BarSeries};
-pub use csi::{Basis, CsiFigure, CsiPanel, CsiPoint, CsiSeries};
+pub use changes::{ChangeDot, ChangeFigure};
+pub use component_curves::{ComponentFigure, ComponentPanel, ComponentSeries, LineKind, Scale};
+pub use csi::{Basis, CsiFigure, CsiPanel, CsiPoint, CsiSeries, Reconstruction};
 pub use dimensions::{DimensionBar, DimensionFigure, DimensionPanel};
 pub use export::{PNG_DPI, pdf_from_svg, png_from_svg, write_figure};
 pub use factors::{FactorFigure, FactorPanel};
+pub use grouped_bars::{GroupedBar, GroupedBarFigure, GroupedSeries};
+pub use line_grid::{LineGridFigure, LinePanel, LineSeries};
 pub use metrics::{Bracket, MetricBar, MetricPanel, MetricsFigure};
 pub use muscle_correlations::{CorrelationBar, CorrelationFigure};
 pub use muscle_profiles::{ProfileFigure, ProfilePanel};
+pub use radar::{RadarFigure, RadarSeries};
 
 use crate::files::FileError;
 
@@ -100,12 +110,15 @@ pub enum Uncertainty {
     StandardError,
     /// A bootstrap interval of the mean with this confidence, in (0, 1).
     Bootstrap { confidence: f64 },
+    /// None is drawn, because none is known.
+    Unknown,
 }
 
 impl Uncertainty {
     fn label(self) -> String {
         match self {
             Self::StandardError => "± s.e.m.".to_owned(),
+            Self::Unknown => "without interval".to_owned(),
             Self::Bootstrap { confidence } => {
                 format!("{}% bootstrap interval", canvas::decimal(100.0 * confidence, 1))
             }
@@ -123,7 +136,15 @@ pub struct Provenance {
 }
 
 impl Provenance {
-    fn label(&self) -> String {
+    /// The same of another policy.
+    #[must_use]
+    pub fn of_policy(&self, policy: &str) -> Self {
+        Self { physics: self.physics.clone(), policy: policy.to_owned() }
+    }
+
+    /// As a sentence of a footer.
+    #[must_use]
+    pub fn label(&self) -> String {
         format!("Policy: {}. Physics: {}.", self.policy, self.physics)
     }
 }

@@ -25,6 +25,35 @@ pub const PEOPLE: &str = "#9C9C9C";
 /// The human hand beside the policies.
 pub const HUMAN: &str = "#BEADA1";
 
+/// Methods of training by their names in the result folders.
+const METHODS: [(&str, &str); 11] = [
+    ("arnold", BLUE),
+    ("obc", "#64B5CD"),
+    ("obc_ppo", "#55A868"),
+    ("obc_wo_obs_norm", "#937860"),
+    ("bc", "#CCB974"),
+    ("ppo_t_sv", RED),
+    ("mt_ppo", "#7A68A8"),
+    ("mt_sac", "#DA8BC3"),
+    ("ppo_t", "#DD8452"),
+    ("obc_task_sv", VIOLET),
+    ("expert", "#9C9C9C"),
+];
+/// The line of a relative performance of 100 %.
+pub const WHOLE: &str = "#3B8B4B";
+
+/// A colour for each method: the paper's for a method of the paper's, and no colour twice while there are others.
+#[must_use]
+pub fn method_colours(names: &[&str]) -> Vec<&'static str> {
+    let known = |name: &str| METHODS.iter().find(|(known, _)| *known == name).map(|(_, c)| *c);
+    let mut given: Vec<Option<&'static str>> = names.iter().map(|name| known(name)).collect();
+    for place in 0..given.len() {
+        let free = METHODS.iter().map(|(_, colour)| *colour).find(|c| !given.contains(&Some(c)));
+        given[place] = given[place].or(free).or(Some(GREY));
+    }
+    given.into_iter().flatten().collect()
+}
+
 /// A colour for each policy: the paper's for a name of the paper's, and no colour twice while there are others.
 #[must_use]
 pub fn policy_colours(names: &[&str]) -> Vec<&'static str> {
@@ -41,9 +70,25 @@ pub fn policy_colours(names: &[&str]) -> Vec<&'static str> {
     given
 }
 
+/// Colours for `count` groups that have none of their own, no colour twice while there are others.
+#[must_use]
+pub fn group_colours(count: usize) -> Vec<&'static str> {
+    const ALL: [&str; 8] =
+        [BLUE, RED, VIOLET, "#54A24B", "#DD8452", "#64B5CD", "#937860", "#8C8C8C"];
+    ALL.into_iter().cycle().take(count).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn methods_of_the_paper_have_its_colours_and_others_what_is_left() {
+        let found = method_colours(&["mine", "bc", "arnold", "yours"]);
+        assert_eq!((found[1], found[2]), ("#CCB974", BLUE));
+        assert_eq!(found.iter().collect::<std::collections::BTreeSet<_>>().len(), 4);
+        assert_eq!(method_colours(&["?"; 30]).len(), 30);
+    }
 
     #[test]
     fn policies_of_the_paper_have_its_colours_and_nobody_has_anothers() {

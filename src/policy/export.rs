@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value, json};
 
 use super::PolicyError;
-use super::checkpoint::contents::Format;
+use super::checkpoint::contents::{Checkpoint, Format, Normaliser};
 use super::checkpoint::{self, Limits, Package};
 use super::loading::{self, Parts, in_file};
 use super::transformer_files::is_transformer;
@@ -62,6 +62,26 @@ pub fn export(path: &Path, normaliser: Option<&Path>, out: &Path) -> Result<Expo
     write_once(&description, &text)?;
     check(&policy, &package)?;
     Ok(Exported { policy, description, document })
+}
+
+/// Writes a policy that was trained here, with its normaliser, to the file `path`, which [`super::open`] reads. `provenance`
+/// says how it was trained.
+pub fn write_trained(
+    path: &Path,
+    checkpoint: &Checkpoint,
+    normaliser: &Normaliser,
+    provenance: Value,
+) -> Result<(), PolicyError> {
+    let sizes: Map<String, Value> = checkpoint::network_sizes(checkpoint)
+        .into_iter()
+        .map(|(name, sizes)| (name.to_owned(), json!(sizes)))
+        .collect();
+    let vocabulary =
+        is_transformer(checkpoint.format).then(|| Vocabulary::standard().words().to_vec());
+    let (checkpoint, normaliser) = (checkpoint.clone(), Some(normaliser.clone()));
+    let package = Package { checkpoint, normaliser, vocabulary, provenance };
+    let (bytes, _document) = checkpoint::write_package(&package, Value::Object(sizes))?;
+    Ok(files::write_atomic(path, &bytes)?)
 }
 
 /// Writes a file that may exist already only if it is the same.

@@ -5,7 +5,7 @@
 
 /// History windows of several bodies that play the same task.
 #[derive(Debug, Clone)]
-pub(super) struct History {
+pub struct History {
     lags: usize,
     window_length: usize,
     /// Slots × sensors × lags.
@@ -13,18 +13,20 @@ pub(super) struct History {
 }
 
 impl History {
-    pub(super) fn new(slots: usize, sensors: usize, lags: usize) -> Self {
+    /// No windows yet, for so many bodies with so many sensors.
+    #[must_use]
+    pub fn new(slots: usize, sensors: usize, lags: usize) -> Self {
         let window_length = sensors * lags;
         Self { lags, window_length, windows: vec![0.0; slots * window_length] }
     }
 
     /// Forgets what the body in `slot` has seen.
-    pub(super) fn clear(&mut self, slot: usize) {
+    pub fn clear(&mut self, slot: usize) {
         self.window_mut(slot).fill(0.0);
     }
 
     /// Takes in the newest observation of `slot` and returns its windows, sensors × lags.
-    pub(super) fn push(&mut self, slot: usize, observation: &[f32]) -> &[f32] {
+    pub fn push(&mut self, slot: usize, observation: &[f32]) -> &[f32] {
         let lags = self.lags;
         let windows = self.window_mut(slot);
         for (window, &newest) in windows.chunks_exact_mut(lags).zip(observation) {
@@ -32,6 +34,12 @@ impl History {
             window[lags - 1] = newest;
         }
         windows
+    }
+
+    /// The windows of `slot`, sensors × lags.
+    #[must_use]
+    pub fn windows(&self, slot: usize) -> &[f32] {
+        &self.windows[slot * self.window_length..(slot + 1) * self.window_length]
     }
 
     fn window_mut(&mut self, slot: usize) -> &mut [f32] {

@@ -17,6 +17,11 @@ use super::PolicyError;
 use super::checkpoint::contents::SignatureStatistics;
 use super::normaliser::{PRIOR_COUNT, check_signature_statistics, signature_of};
 
+/// Added to every variance.
+const EPSILON: f64 = 1e-8;
+/// Normalised observations lie between plus and minus this.
+const CLIP: f64 = 10.0;
+
 /// Statistics that grow.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RunningStatistics {
@@ -152,6 +157,42 @@ impl RunningStatistics {
         self.count[row] = total;
     }
 
+    /// Normalises the windows of sensors whose rows are `rows`, as [`Self::to_stored`] is played.
+    pub fn normalise(&self, rows: &[usize], windows: &[f32], normalised: &mut [f32]) {
+        let windows = windows.chunks_exact(self.lags).zip(normalised.chunks_exact_mut(self.lags));
+        for (&row, (window, targets)) in rows.iter().zip(windows) {
+            let cells = row * self.lags..(row + 1) * self.lags;
+            let statistics = self.mean[cells.clone()].iter().zip(&self.variance[cells]);
+            for ((target, &x), (&mean, &variance)) in targets.iter_mut().zip(window).zip(statistics)
+            {
+                let deviation = (variance as f32 + EPSILON as f32).sqrt();
+                *target = ((x - mean as f32) / deviation).clamp(-CLIP as f32, CLIP as f32);
+            }
+        }
+    }
+
+    /// Means, variances (rows × lags both) and counts.
+    #[must_use]
+    pub fn numbers(&self) -> [&[f64]; 3] {
+        [&self.mean, &self.variance, &self.count]
+    }
+
+    /// Goes on from what [`Self::numbers`] gave, for the same signatures.
+    pub fn restore(&mut self, [mean, variance, count]: [Vec<f64>; 3]) -> Result<(), PolicyError> {
+        let found = [mean.len(), variance.len(), count.len()];
+        let expected = [self.mean.len(), self.variance.len(), self.count.len()];
+        if let Some((&expected, &found)) = expected.iter().zip(&found).find(|(a, b)| a != b) {
+            return Err(PolicyError::NormaliserLength { expected, found });
+        }
+        let usable = mean.iter().all(|m| m.is_finite())
+            && variance.iter().chain(&count).all(|x| x.is_finite() && *x >= 0.0);
+        if !usable {
+            return Err(PolicyError::NormaliserValues);
+        }
+        (self.mean, self.variance, self.count) = (mean, variance, count);
+        Ok(())
+    }
+
     /// The statistics as a policy stores and plays them, with the published limits of 1e-8 and ±10.
     #[must_use]
     pub fn to_stored(&self) -> SignatureStatistics {
@@ -162,8 +203,8 @@ impl RunningStatistics {
             variance: single(&self.variance),
             count: self.count.clone(),
             lags: self.lags,
-            epsilon: 1e-8,
-            clip: 10.0,
+            epsilon: EPSILON,
+            clip: CLIP,
             enabled: true,
         }
     }

@@ -4,7 +4,8 @@
 //! missing or null. The list of solved fractions has two spellings in use, `episode_solve_step_fracs` and
 //! `episode_solved_fracs`; a record with both is refused, because they could differ.
 //!
-//! * Tree: `<root>/<method>/<seed folder>/*_results.json`, one file per seed, and
+//! * Tree: `<root>/<method>/<seed folder>/*_results.json`, one file per seed (of a single run also
+//!   `<root>/<method>/*_results.json`), and
 //!   `<root>/expert_policies/*_results.json`, any number of files merged by task.
 //! * Selection: one JSON object from method to the result files of its seeds, relative to a folder.
 //!
@@ -101,41 +102,64 @@ pub fn read_merged_benchmarks(folder: &Path) -> Result<Benchmark, RecordError> {
 
 /// Reads a tree of results. Every seed folder must hold exactly one result file.
 pub fn read_benchmark_tree(root: &Path) -> Result<BenchmarkTree, RecordError> {
+    let (tree, unreadable) = survey_benchmark_tree(root)?;
+    unreadable.into_iter().next().map_or(Ok(tree), |(_, error)| Err(error))
+}
+
+/// A tree, and the folders that are no method, each with the reason.
+pub type SurveyedTree = (BenchmarkTree, Vec<(String, RecordError)>);
+
+/// The same for a folder that holds other things as well: methods that cannot be read are named beside the tree.
+pub fn survey_benchmark_tree(root: &Path) -> Result<SurveyedTree, RecordError> {
     let mut tree = BenchmarkTree::default();
+    let mut unreadable = Vec::new();
     for method in folders_in(root)? {
-        if name_of(&method) == EXPERTS {
+        let name = name_of(&method);
+        if name == EXPERTS {
             tree.experts = read_merged_benchmarks(&method)?;
             continue;
         }
-        let mut seeds = Vec::new();
-        for folder in folders_in(&method)? {
-            let mut found = files_in(&folder, |name| name.ends_with(SUFFIX))?;
-            match (found.pop(), found.len()) {
-                (Some(path), 0) => {
-                    seeds.push(SeedResult { tasks: read_benchmark(&path)?, path });
-                }
-                // A folder of something else.
-                (None, _) => {}
-                (Some(_), others) => {
-                    return Err(RecordError::Malformed {
-                        place: "seed folder".to_owned(),
-                        what: format!("expected one `*{SUFFIX}`, found {}", others + 1),
-                        path: folder,
-                    });
-                }
-            }
-        }
-        if !seeds.is_empty() {
-            tree.methods.insert(name_of(&method), seeds);
+        match read_method(&method) {
+            Ok(seeds) if seeds.is_empty() => {}
+            Ok(seeds) => drop(tree.methods.insert(name, seeds)),
+            Err(error) => unreadable.push((name, error)),
         }
     }
-    if tree.experts.is_empty() && tree.methods.is_empty() {
+    if tree.experts.is_empty() && tree.methods.is_empty() && unreadable.is_empty() {
         return Err(RecordError::NoFiles {
             what: format!("`*{SUFFIX}`"),
             path: root.to_path_buf(),
         });
     }
-    Ok(tree)
+    Ok((tree, unreadable))
+}
+
+/// The seeds of one method; none if its folder is one of something else.
+fn read_method(method: &Path) -> Result<Vec<SeedResult>, RecordError> {
+    let mut seeds = Vec::new();
+    for folder in folders_in(method)? {
+        let mut found = files_in(&folder, |name| name.ends_with(SUFFIX))?;
+        match (found.pop(), found.len()) {
+            (Some(path), 0) => seeds.push(SeedResult { tasks: read_benchmark(&path)?, path }),
+            // A folder of something else.
+            (None, _) => {}
+            (Some(_), others) => {
+                return Err(RecordError::Malformed {
+                    place: "seed folder".to_owned(),
+                    what: format!("expected one `*{SUFFIX}`, found {}", others + 1),
+                    path: folder,
+                });
+            }
+        }
+    }
+    // A method of a single run needs no folder for it.
+    if seeds.is_empty() {
+        let mut found = files_in(method, |name| name.ends_with(SUFFIX))?;
+        if let (Some(path), 0) = (found.pop(), found.len()) {
+            seeds.push(SeedResult { tasks: read_benchmark(&path)?, path });
+        }
+    }
+    Ok(seeds)
 }
 
 /// Reads the result files that a selection lists, below `root`. Dashes in a method's name become underscores. Paths
@@ -171,7 +195,7 @@ pub fn read_selection(
     Ok(methods)
 }
 
-fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, RecordError> {
+pub(super) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, RecordError> {
     let bytes = files::read_bounded(path, LARGEST_FILE)?;
     serde_json::from_slice(&bytes).map_err(|error| RecordError::Malformed {
         place: format!("line {}, column {}", error.line(), error.column()),

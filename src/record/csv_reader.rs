@@ -4,10 +4,15 @@
 //! else of flags (`true`, `false`), else of texts: the first kind that all its cells have. A column of empty cells only
 //! is of undefined numbers. Line ends may be of either kind; a byte order mark is skipped.
 //!
-//! Limits: 1 GiB of UTF-8. Rows of another length than the first, quotes inside unquoted cells and unfinished quotes are
-//! refused with their line. Compressed files are refused by name.
+//! Gzipped text is recognised by its first bytes and unpacked in memory.
+//!
+//! Limits: 1 GiB of UTF-8, packed or not. Rows of another length than the first, quotes inside unquoted cells and
+//! unfinished quotes are refused with their line.
 
+use std::io::Read;
 use std::path::Path;
+
+use flate2::read::MultiGzDecoder;
 
 use super::{Column, RecordError, Table, Values};
 use crate::files;
@@ -20,10 +25,11 @@ pub fn read_csv(path: &Path) -> Result<Table, RecordError> {
     let bytes = files::read_bounded(path, LARGEST_FILE)?;
     let fail =
         |(place, what): Fault| RecordError::Malformed { place, what, path: path.to_path_buf() };
-    if bytes.starts_with(&[0x1F, 0x8B]) {
-        let what = "it is compressed: unpack it with `gunzip --keep` first".to_owned();
-        return Err(fail(("byte 0".to_owned(), what)));
-    }
+    let bytes = if bytes.starts_with(&[0x1F, 0x8B]) {
+        unpack(&bytes, LARGEST_FILE).map_err(fail)?
+    } else {
+        bytes
+    };
     let text = std::str::from_utf8(&bytes)
         .map_err(|e| fail((format!("byte {}", e.valid_up_to()), "it is not UTF-8".to_owned())))?;
     let columns = parse(text).map_err(fail)?;
@@ -32,6 +38,19 @@ pub fn read_csv(path: &Path) -> Result<Table, RecordError> {
 
 /// Where and what is wrong.
 type Fault = (String, String);
+
+/// What was gzipped, refusing more than `limit` bytes: a small file can unpack to any size.
+fn unpack(bytes: &[u8], limit: u64) -> Result<Vec<u8>, Fault> {
+    let mut unpacked = Vec::new();
+    MultiGzDecoder::new(bytes)
+        .take(limit.saturating_add(1))
+        .read_to_end(&mut unpacked)
+        .map_err(|error| ("gzip".to_owned(), format!("it cannot be unpacked: {error}")))?;
+    if unpacked.len() as u64 > limit {
+        return Err(("gzip".to_owned(), format!("it unpacks to more than {limit} bytes")));
+    }
+    Ok(unpacked)
+}
 
 fn parse(text: &str) -> Result<Vec<Column>, Fault> {
     let mut rows = Rows { rest: text.strip_prefix('\u{FEFF}').unwrap_or(text), line: 1 };
@@ -164,7 +183,27 @@ mod tests {
     }
 
     #[test]
-    fn compressed_and_foreign_bytes_are_refused() {
+    fn gzipped_text_is_unpacked_and_never_to_more_than_the_limit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("x.csv.gz");
+        let packed = packed(b"n\n1\n2\n");
+        files::write_atomic(&path, &packed).unwrap();
+        let table = read_csv(&path).unwrap();
+        assert_eq!(table.columns()[0].values, Values::Integers(vec![1, 2]));
+        assert_eq!(unpack(&packed, 6).unwrap(), b"n\n1\n2\n");
+        assert!(unpack(&packed, 5).unwrap_err().1.contains("more than 5 bytes"));
+        assert!(unpack(&packed[..packed.len() - 9], 100).is_err());
+    }
+
+    fn packed(text: &[u8]) -> Vec<u8> {
+        use std::io::Write;
+        let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        gzip.write_all(text).unwrap();
+        gzip.finish().unwrap()
+    }
+
+    #[test]
+    fn broken_archives_and_foreign_bytes_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("x.csv");
         for bytes in [&[0x1F, 0x8B, 8][..], &[b'a', 0xFF]] {

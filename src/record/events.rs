@@ -193,6 +193,19 @@ fn split_record(bytes: &[u8]) -> Result<(&[u8], &[u8]), DamageReason> {
     Ok((payload, rest))
 }
 
+/// Bytes of an event file up to its first event after `step`, or to the first that cannot be read.
+pub(super) fn length_up_to(bytes: &[u8], step: i64) -> usize {
+    let mut rest = bytes;
+    while let Ok((payload, after)) = split_record(rest) {
+        let is_later = |field| matches!(field, Ok((2, Value::Varint(at))) if at as i64 > step);
+        if Fields(payload).any(is_later) {
+            break;
+        }
+        rest = after;
+    }
+    bytes.len() - rest.len()
+}
+
 /// Hands every scalar of an event to `sink`.
 fn read_event(
     payload: &[u8],

@@ -3,10 +3,14 @@
 //! A [`Table`] holds the numbers of an analysis. A [`Recording`] holds every step of many episodes; [`read_recording`] and
 //! [`write_recording`] know the formats it can have.
 
+mod benchmark_inputs;
 mod benchmarks;
 mod crc32c;
+mod csi_results;
 mod csv;
 mod csv_reader;
+mod curve_tables;
+mod event_writer;
 mod events;
 #[cfg_attr(
     not(any(feature = "parquet", feature = "mcap", feature = "hdf5")),
@@ -37,6 +41,7 @@ mod parquet;
 mod place;
 pub mod profiles;
 mod protobuf;
+mod read_table;
 pub mod recording;
 #[cfg(feature = "parquet")]
 mod recording_parquet;
@@ -46,13 +51,17 @@ mod table;
 
 use std::path::PathBuf;
 
+pub use benchmark_inputs::{BenchmarkInput, read_benchmark_input};
 pub use benchmarks::{
-    Benchmark, BenchmarkEntry, BenchmarkTree, SeedResult, read_benchmark, read_benchmark_tree,
-    read_merged_benchmarks, read_selection,
+    Benchmark, BenchmarkEntry, BenchmarkTree, SeedResult, SurveyedTree, read_benchmark,
+    read_benchmark_tree, read_merged_benchmarks, read_selection, survey_benchmark_tree,
 };
 pub use crc32c::{crc32c, masked_crc32c};
+pub use csi_results::{CsiResult, find_csi_results};
 pub use csv::{to_csv, write_csv};
 pub use csv_reader::read_csv;
+pub use curve_tables::{CurvePoint, RunColumn, read_curve_table, read_run_table};
+pub use event_writer::EventWriter;
 pub use events::{
     Damage, DamageReason, EventScalars, ScalarPoint, ScalarSeries, read_event_file,
     read_event_files, read_event_run,
@@ -63,6 +72,7 @@ pub use format::{
 #[cfg(feature = "parquet")]
 pub use parquet::{read_parquet, write_parquet};
 pub use place::Place;
+pub use read_table::read_columns;
 pub use recording::{
     About, Channel, Element, Episode, EpisodeFacts, Precision, Recording, Samples, Seeds, Stacked,
     Timing, names,
@@ -109,6 +119,8 @@ pub enum RecordError {
     Exists { path: PathBuf },
     #[error("no file `{pattern}` in `{path}`")]
     NoEpisodes { pattern: String, path: PathBuf },
+    #[error("there is no column `{column}` among {known}, in `{path}`")]
+    NoColumn { column: String, known: String, path: PathBuf },
     #[error("{place}: {what}, in `{path}`")]
     Malformed { place: String, what: String, path: PathBuf },
     #[error("there is no file {what} in `{path}`")]

@@ -4,7 +4,8 @@
 //! changes from run to run is stored. Units lie in the file's metadata under the key [`UNITS`], as one JSON object from
 //! column to unit; the caller's own pairs (provenance, labels) follow in the order given.
 //!
-//! Undefined numbers are null. A file with other column types than those of [`Values`] is refused by name.
+//! Undefined numbers are null. Files of other programs may hold whole numbers of any width; those with nulls become
+//! numbers with a fraction. A column of any other type is refused by name.
 
 use std::collections::BTreeMap;
 use std::io::{self, BufWriter, Cursor, Write};
@@ -58,9 +59,29 @@ pub fn write_parquet(
 
 /// Reads a table that [`write_parquet`] wrote, and the metadata given to it.
 pub fn read_parquet(path: &Path) -> Result<(Table, Vec<(String, String)>), RecordError> {
+    read(path, ParquetReader::new(Cursor::new(files::read_bounded(path, LARGEST_FILE)?)))
+}
+
+/// Reads the columns called `wanted` and nothing else of any Parquet file.
+pub(super) fn read_parquet_columns(path: &Path, wanted: &[&str]) -> Result<Table, RecordError> {
     let fail = |source| RecordError::Parquet { path: path.to_path_buf(), source };
     let bytes = files::read_bounded(path, LARGEST_FILE)?;
     let mut reader = ParquetReader::new(Cursor::new(bytes));
+    let schema = reader.schema().map_err(fail)?;
+    let known: Vec<String> = schema.iter_names().map(ToString::to_string).collect();
+    let known: Vec<&str> = known.iter().map(String::as_str).collect();
+    super::read_table::check_columns(path, wanted, &known)?;
+    let rows = reader.get_metadata().map_err(fail)?.num_rows;
+    super::read_table::check_rows(path, rows)?;
+    let wanted = wanted.iter().map(|&name| name.to_owned()).collect();
+    Ok(read(path, reader.with_columns(Some(wanted)))?.0)
+}
+
+fn read(
+    path: &Path,
+    mut reader: ParquetReader<Cursor<Vec<u8>>>,
+) -> Result<(Table, Vec<(String, String)>), RecordError> {
+    let fail = |source| RecordError::Parquet { path: path.to_path_buf(), source };
     let pairs = reader.get_metadata().map_err(fail)?.key_value_metadata().clone();
     let mut metadata: Vec<(String, String)> = pairs
         .unwrap_or_default()
@@ -129,8 +150,18 @@ fn load(stored: &Stored) -> Result<Option<Values>, PolarsError> {
             let values = stored.f32()?.iter().map(|x| x.map_or(f64::NAN, f64::from));
             Some(Values::Floats(values.collect()))
         }
+        kind if kind.is_integer() && stored.null_count() > 0 => {
+            let floats = stored.cast(&DataType::Float64)?;
+            let values = floats.f64()?.iter().map(|x| x.unwrap_or(f64::NAN));
+            Some(Values::Floats(values.collect()))
+        }
         _ if stored.null_count() > 0 => None,
         DataType::Int64 => Some(Values::Integers(stored.i64()?.iter().flatten().collect())),
+        // A number beyond the range becomes an error of the cast, not another number.
+        kind if kind.is_integer() => {
+            let whole = stored.strict_cast(&DataType::Int64)?;
+            Some(Values::Integers(whole.i64()?.iter().flatten().collect()))
+        }
         DataType::Boolean => Some(Values::Flags(stored.bool()?.iter().flatten().collect())),
         DataType::String => {
             let values = stored.str()?.iter().flatten().map(str::to_owned);

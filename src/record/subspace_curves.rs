@@ -1,11 +1,13 @@
 //! Published control-subspace curves: `curves.csv`, one row per factorisation, scope, basis, task and dimension.
 //!
 //! The reconstruction stands in a column `reconstruction`, or `reconstruction_4dp` where it was rounded to four
-//! decimals. `solved_fraction_sem` may be missing. Other columns are ignored.
+//! decimals. `solved_fraction_sem` may be missing. Other columns are ignored. A run of `csi` writes the same columns as
+//! Parquet.
 
 use std::path::Path;
 
-use super::{RecordError, Table, Values, read_csv};
+use super::read_table::read_whole;
+use super::{RecordError, Table, Values};
 
 /// One point of a curve.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,7 +29,7 @@ pub struct SubspacePoint {
 
 /// Reads the points of a file in their order.
 pub fn read_subspace_curves(path: &Path) -> Result<Vec<SubspacePoint>, RecordError> {
-    let table = read_csv(path)?;
+    let table = read_whole(path)?;
     let reader = Reader { table: &table, path };
     let reconstruction = if table.column("reconstruction").is_some() {
         "reconstruction"

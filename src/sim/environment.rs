@@ -234,6 +234,12 @@ impl Environment {
         self.step_excited()
     }
 
+    /// One control step with excitations.
+    pub fn step_with(&mut self, excitation: &[f64]) -> StepOutcome {
+        self.simulation.excitation_mut().copy_from_slice(excitation);
+        self.step_excited()
+    }
+
     /// One control step with the excitations that are set in the body.
     pub fn step_excited(&mut self) -> StepOutcome {
         self.task.before_step(&mut self.simulation);

@@ -10,8 +10,9 @@ pub mod engine;
 pub mod environment;
 pub mod layout;
 pub mod muscles;
-pub mod random;
 pub mod recording;
 pub mod rollout;
 pub mod rotation;
 pub mod tasks;
+
+pub use crate::random;

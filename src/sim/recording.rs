@@ -6,19 +6,39 @@
 //!
 //! Memory for a whole episode is taken when it starts; a step allocates nothing.
 
+use serde::{Deserialize, Serialize};
+
 use super::engine::Names;
 use super::environment::{Environment, StepOutcome};
-use super::muscles;
 
 /// Which per-step channels are kept.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Channels {
     /// None: only what is counted.
     Counts,
     /// The mean of the action distribution, for subspaces.
     ActionMeans,
+    /// Muscle excitation, for synergies.
+    Excitations,
     /// All.
     All,
+}
+
+impl Channels {
+    fn keep_means(self) -> bool {
+        matches!(self, Self::ActionMeans | Self::All)
+    }
+
+    fn keep_excitations(self) -> bool {
+        matches!(self, Self::Excitations | Self::All)
+    }
+}
+
+/// What a body was sent in a step.
+pub(super) struct Sent<'a> {
+    pub(super) action: &'a [f32],
+    pub(super) excitation: &'a [f64],
 }
 
 /// Per-step channels of one episode, row-major with one row per step. Empty where not asked for.
@@ -110,14 +130,13 @@ impl Recorder {
     pub(super) fn begin(&self) -> Recording {
         let steps = |keep: bool, width: usize| if keep { self.horizon * width } else { 0 };
         let all = self.channels == Channels::All;
-        let muscles = || Vec::with_capacity(steps(all, self.muscles));
         let doubles = |width: usize| Vec::with_capacity(steps(all, width));
-        let means = self.channels != Channels::Counts;
+        let (means, excitations) = (self.channels.keep_means(), self.channels.keep_excitations());
         Recording {
             action_mean: Vec::with_capacity(steps(means, self.muscles)),
             action: Vec::with_capacity(steps(all, self.muscles)),
-            excitation: muscles(),
-            activation: muscles(),
+            excitation: Vec::with_capacity(steps(excitations, self.muscles)),
+            activation: doubles(self.muscles),
             joints: doubles(self.joint_positions.len()),
             joint_velocities: doubles(self.joint_velocities.len()),
             solved: Vec::with_capacity(steps(all, 1)),
@@ -136,11 +155,10 @@ impl Recorder {
         means: &[f32],
         recording: &mut Recording,
     ) {
-        if self.channels == Channels::Counts {
-            return;
+        if self.channels.keep_means() {
+            recording.action_mean.extend_from_slice(means);
         }
-        recording.action_mean.extend_from_slice(means);
-        if self.channels == Channels::ActionMeans {
+        if self.channels != Channels::All {
             return;
         }
         let simulation = environment.simulation();
@@ -156,19 +174,21 @@ impl Recorder {
         }
     }
 
-    /// Keeps what is read after a step that `action` was sent for.
+    /// Keeps what is read after a step in which the body was `sent` something.
     pub(super) fn after_step(
         &self,
         environment: &Environment,
-        action: &[f32],
+        sent: &Sent<'_>,
         outcome: &StepOutcome,
         recording: &mut Recording,
     ) {
+        if self.channels.keep_excitations() {
+            recording.excitation.extend_from_slice(sent.excitation);
+        }
         if self.channels != Channels::All {
             return;
         }
-        recording.action.extend_from_slice(action);
-        recording.excitation.extend(action.iter().map(|&a| muscles::excitation(a)));
+        recording.action.extend_from_slice(sent.action);
         if !self.is_walking() {
             recording.activation.extend_from_slice(environment.simulation().activation());
         }

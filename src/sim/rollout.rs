@@ -1,21 +1,24 @@
 //! The one rollout loop: whole episodes of a policy, many bodies at a time.
 //!
 //! Each worker thread owns a batch of bodies and steps them in turn: one forward pass of the policy for all of them, then
-//! the physics of each. When an episode ends, its body takes the next one from the list, so that batches stay full. An
-//! episode depends on nothing but its own [`EpisodeSpec`]: results are the same bytes whatever the number of threads, the
-//! batch size and the order of the list.
+//! the physics of each. When an episode ends, its body takes the next one from the list, so that batches stay full. A
+//! thread that finds its list empty goes on with another one ([`Job`]) and waits for nobody. An episode depends on nothing
+//! but its own [`EpisodeSpec`]: results are the same bytes whatever the number of threads, the batch size and the order of
+//! the lists.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use crate::analysis::subspace::Projection;
+use crate::analysis::subspace::{Projection, SynergyProjection};
 use crate::policy::{Actor, Policy, PolicyError, Sampling};
 
 use super::bodies::Bodies;
 use super::engine::EngineError;
 use super::environment::Environment;
+use super::muscles;
 use super::random::Random;
-use super::recording::{self, Recorder};
+use super::recording::{self, Recorder, Sent};
 use super::tasks::{Definition, RewardConfiguration};
 
 pub use super::recording::{ChannelNames, Channels, Recording};
@@ -74,6 +77,24 @@ pub struct EpisodeSpec {
     pub projection: Option<usize>,
 }
 
+/// Where an episode is confined to, and on which side of the sigmoid.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Subspace {
+    /// Principal components of the actions: the action is projected.
+    Actions(Projection),
+    /// Synergies: the excitations are rebuilt from them, the action stays as it is.
+    Excitations(SynergyProjection),
+}
+
+impl Subspace {
+    fn muscle_count(&self) -> usize {
+        match self {
+            Self::Actions(projection) => projection.muscle_count(),
+            Self::Excitations(projection) => projection.muscle_count(),
+        }
+    }
+}
+
 /// What to play.
 #[derive(Clone)]
 pub struct RolloutPlan<'a> {
@@ -86,7 +107,7 @@ pub struct RolloutPlan<'a> {
     /// Standard deviation of Gaussian noise added to every action after the policy's own clipping; 0: none.
     pub action_noise: f64,
     /// Projections that episodes may name.
-    pub projections: &'a [Projection],
+    pub projections: &'a [Subspace],
     /// Which channels are kept.
     pub channels: Channels,
     /// Weights of the reward.
@@ -130,35 +151,134 @@ pub fn play(
     specs: &[EpisodeSpec],
     on_episode: &(dyn Fn(&Episode) + Sync),
 ) -> Result<Vec<Episode>, RolloutError> {
-    let first = Environment::new(plan.task, &machine.bodies, plan.rewards)?;
-    let muscles = first.simulation().excitation().len();
-    if let Some(wrong) = plan.projections.iter().find(|p| p.muscle_count() != muscles) {
-        let projection = wrong.muscle_count();
-        return Err(RolloutError::Projection { projection, muscles, task: plan.task.name });
-    }
-    let next = AtomicUsize::new(0);
     let finished = Mutex::new(Vec::with_capacity(specs.len()));
-    let threads = machine.threads.clamp(1, specs.len().max(1));
-    let batch = machine.batch.clamp(1, specs.len().div_ceil(threads).max(1));
-    let mut workers = Vec::with_capacity(threads);
-    for _ in 0..threads {
-        workers.push(Worker::new(&first, plan, batch)?);
-    }
-    std::thread::scope(|scope| {
-        for mut worker in workers {
-            let (next, finished) = (&next, &finished);
-            scope.spawn(move || {
-                worker.run(plan, specs, next, &mut |index, episode| {
-                    on_episode(&episode);
-                    let mut finished = finished.lock().unwrap_or_else(PoisonError::into_inner);
-                    finished.push((index, episode));
-                });
-            });
-        }
-    });
+    let job = Job { plan: plan.clone(), specs };
+    play_jobs(machine, &[job], &|| true, &|_, index, episode| {
+        on_episode(&episode);
+        locked(&finished).push((index, episode));
+        ControlFlow::Continue(())
+    })?;
     let mut finished = finished.into_inner().unwrap_or_else(PoisonError::into_inner);
     finished.sort_unstable_by_key(|(index, _)| *index);
     Ok(finished.into_iter().map(|(_, episode)| episode).collect())
+}
+
+/// Episodes of one plan, played beside those of others.
+#[derive(Clone)]
+pub struct Job<'a> {
+    /// What to play.
+    pub plan: RolloutPlan<'a>,
+    /// The episodes.
+    pub specs: &'a [EpisodeSpec],
+}
+
+/// Plays all `jobs`. `on_episode` is given the places of job and episode, from the worker threads as episodes end; if it
+/// breaks, everything stops where it is. No episode begins once `goes_on` says no; those in play are finished.
+pub fn play_jobs(
+    machine: &Machine,
+    jobs: &[Job<'_>],
+    goes_on: &(dyn Fn() -> bool + Sync),
+    on_episode: &(dyn Fn(usize, usize, Episode) -> ControlFlow<()> + Sync),
+) -> Result<(), RolloutError> {
+    let lists = jobs.iter().map(|job| List::new(machine, job)).collect::<Result<Vec<_>, _>>()?;
+    let board = Board { lists, threads_on: Mutex::new(vec![0; jobs.len()]) };
+    let broken = AtomicBool::new(false);
+    let failure = Mutex::new(None);
+    let episodes: usize = jobs.iter().map(|job| job.specs.len()).sum();
+    let threads = machine.threads.clamp(1, episodes.max(1));
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            let (board, broken, failure) = (&board, &broken, &failure);
+            scope.spawn(move || {
+                while let Some((job, batch)) = board.join(machine.batch, threads) {
+                    let list = &board.lists[job];
+                    let next = || goes_on().then(|| list.take()).flatten();
+                    let finish = |index, episode| {
+                        if on_episode(job, index, episode).is_break() {
+                            broken.store(true, Ordering::Relaxed);
+                        }
+                    };
+                    // The lock ends here: bodies are made one after the other, and play side by side.
+                    let worker = Worker::new(&locked(&list.template), list.plan, batch);
+                    match worker {
+                        Ok(mut worker) => worker.run(list.plan, &next, broken, &finish),
+                        Err(error) => {
+                            broken.store(true, Ordering::Relaxed);
+                            *locked(failure) = Some(error);
+                        }
+                    }
+                    board.leave(job);
+                    if broken.load(Ordering::Relaxed) || !goes_on() {
+                        return;
+                    }
+                }
+            });
+        }
+    });
+    failure.into_inner().unwrap_or_else(PoisonError::into_inner).map_or(Ok(()), Err)
+}
+
+/// The lists that threads choose from.
+struct Board<'a> {
+    lists: Vec<List<'a>>,
+    threads_on: Mutex<Vec<usize>>,
+}
+
+impl Board<'_> {
+    /// Joins the list with the fewest threads on it, among equals the longest; its place and a fair number of bodies.
+    fn join(&self, batch: usize, threads: usize) -> Option<(usize, usize)> {
+        let mut threads_on = locked(&self.threads_on);
+        let open = (0..self.lists.len()).filter(|&job| self.lists[job].left() > 0);
+        let steps = |job: usize| self.lists[job].left() * self.lists[job].plan.task.horizon;
+        let job = open.min_by_key(|&job| (threads_on[job], usize::MAX - steps(job)))?;
+        threads_on[job] += 1;
+        // Where this is the only list left, every thread will join it: nobody takes all.
+        let sharing = if self.lists.iter().filter(|list| list.left() > 0).count() == 1 {
+            threads
+        } else {
+            threads_on[job]
+        };
+        Some((job, batch.clamp(1, self.lists[job].left().div_ceil(sharing).max(1))))
+    }
+
+    fn leave(&self, job: usize) {
+        locked(&self.threads_on)[job] -= 1;
+    }
+}
+
+/// The episodes of a job, which threads take one by one.
+struct List<'a> {
+    plan: &'a RolloutPlan<'a>,
+    specs: &'a [EpisodeSpec],
+    next: AtomicUsize,
+    /// Duplicating a body reads it, and bodies are not made to be read by two threads at once.
+    template: Mutex<Environment>,
+}
+
+impl<'a> List<'a> {
+    fn new(machine: &Machine, job: &'a Job<'_>) -> Result<Self, RolloutError> {
+        let plan = &job.plan;
+        let template = Environment::new(plan.task, &machine.bodies, plan.rewards)?;
+        let muscles = template.simulation().excitation().len();
+        if let Some(wrong) = plan.projections.iter().find(|p| p.muscle_count() != muscles) {
+            let projection = wrong.muscle_count();
+            return Err(RolloutError::Projection { projection, muscles, task: plan.task.name });
+        }
+        Ok(Self { plan, specs: job.specs, next: AtomicUsize::new(0), template: template.into() })
+    }
+
+    fn left(&self) -> usize {
+        self.specs.len().saturating_sub(self.next.load(Ordering::Relaxed))
+    }
+
+    fn take(&self) -> Option<(usize, EpisodeSpec)> {
+        let index = self.next.fetch_add(1, Ordering::Relaxed);
+        self.specs.get(index).map(|spec| (index, *spec))
+    }
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// What the columns of `task`'s recordings mean.
@@ -184,6 +304,7 @@ struct Worker {
     means: Vec<f32>,
     deviations: Vec<f32>,
     action: Vec<f32>,
+    excitation: Vec<f64>,
     projection_scratch: Vec<f64>,
 }
 
@@ -206,6 +327,11 @@ impl Worker {
         let observation_length =
             template.observation_length(plan.policy.variant_in(plan.task.name));
         let muscles = interface.muscle_count;
+        let scratch_of = |subspace: &Subspace| match subspace {
+            Subspace::Actions(projection) => projection.scratch_length(),
+            Subspace::Excitations(projection) => projection.scratch_length(),
+        };
+        let scratch = plan.projections.iter().map(scratch_of).max().unwrap_or(0);
         Ok(Self {
             slots: (0..batch)
                 .map(|_| Slot { index: 0, action_random: Random::new([0; 32]), episode: None })
@@ -219,7 +345,8 @@ impl Worker {
             means: vec![0.0; batch * muscles],
             deviations: vec![0.0; batch * muscles],
             action: vec![0.0; muscles],
-            projection_scratch: vec![0.0; 2 * muscles],
+            excitation: vec![0.0; muscles],
+            projection_scratch: vec![0.0; scratch],
             environments,
         })
     }
@@ -227,17 +354,16 @@ impl Worker {
     fn run(
         &mut self,
         plan: &RolloutPlan<'_>,
-        specs: &[EpisodeSpec],
-        next: &AtomicUsize,
-        finish: &mut dyn FnMut(usize, Episode),
+        next: &dyn Fn() -> Option<(usize, EpisodeSpec)>,
+        broken: &AtomicBool,
+        finish: &dyn Fn(usize, Episode),
     ) {
-        loop {
+        while !broken.load(Ordering::Relaxed) {
             for slot in 0..self.slots.len() {
-                if self.slots[slot].episode.is_none() {
-                    let index = next.fetch_add(1, Ordering::Relaxed);
-                    if let Some(spec) = specs.get(index) {
-                        self.begin(slot, index, *spec);
-                    }
+                if self.slots[slot].episode.is_none()
+                    && let Some((index, spec)) = next()
+                {
+                    self.begin(slot, index, spec);
                 }
             }
             self.playing.clear();
@@ -321,13 +447,21 @@ impl Worker {
                 *action += (plan.action_noise * action_random.normal()) as f32;
             }
         }
-        if let Some(projection) = playing.spec.projection {
-            plan.projections[projection].apply(&mut self.action, &mut self.projection_scratch);
+        let subspace = playing.spec.projection.map(|place| &plan.projections[place]);
+        if let Some(Subspace::Actions(projection)) = subspace {
+            projection.apply(&mut self.action, &mut self.projection_scratch);
+        }
+        for (excitation, &action) in self.excitation.iter_mut().zip(&self.action) {
+            *excitation = muscles::excitation(action);
+        }
+        if let Some(Subspace::Excitations(projection)) = subspace {
+            projection.apply(&mut self.excitation, &mut self.projection_scratch);
         }
         let environment = &mut self.environments[slot];
         self.recorder.before_step(environment, means, &mut playing.recording);
-        let outcome = environment.step(&self.action);
-        self.recorder.after_step(environment, &self.action, &outcome, &mut playing.recording);
+        let outcome = environment.step_with(&self.excitation);
+        let sent = Sent { action: &self.action, excitation: &self.excitation };
+        self.recorder.after_step(environment, &sent, &outcome, &mut playing.recording);
         playing.steps += 1;
         playing.solved_steps += usize::from(outcome.solved);
         playing.reward += outcome.reward;

@@ -102,6 +102,10 @@ impl Case<'_> {
         self.array("in", name)
     }
 
+    pub(crate) fn output(&self, name: &str) -> &Array {
+        self.array("out", name)
+    }
+
     pub(crate) fn parameter(&self, name: &str) -> &Value {
         &self.description["params"][name]
     }

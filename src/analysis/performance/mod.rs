@@ -6,6 +6,7 @@ mod capacity;
 mod csi_finetuning;
 mod families;
 mod improvement;
+mod published;
 mod relative;
 mod significance;
 mod tables;
@@ -18,6 +19,10 @@ pub use csi_finetuning::{
 };
 pub use families::{FAMILIES, HAND_TASKS, METHODS, TABLE_TASKS, family_of};
 pub use improvement::{Improvement, improvements};
+pub use published::{
+    PUBLISHED_IMPROVEMENTS, PUBLISHED_METHODS, PUBLISHED_OVERALL, Printed, PublishedImprovement,
+    PublishedMethod,
+};
 pub use relative::{RelativeMatrix, percent_of};
 pub use significance::{MethodTest, against_experts, against_methods};
 pub use tables::{FamilyRow, Method, TaskRow, family_rows, task_rows};

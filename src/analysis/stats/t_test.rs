@@ -8,7 +8,7 @@
 //!
 //! Oracle: `tests/analysis_parity.rs`, algorithms `ttest_1samp_greater`, `t_sf_then_holm`.
 
-use statrs::distribution::{ContinuousCDF, StudentsT};
+use statrs::distribution::{Continuous, ContinuousCDF, StudentsT};
 
 use super::{Divisor, Sidedness, mean, standard_error};
 
@@ -58,6 +58,24 @@ pub fn t_p(t: f64, degrees_of_freedom: usize, sidedness: Sidedness) -> Option<f6
     (!t.is_nan()).then(|| sidedness.p((distribution.cdf(t), distribution.cdf(-t))))
 }
 
+/// Half the width of the confidence interval of a mean: its standard error times the quantile of t. Undefined for fewer
+/// than two values and a confidence outside (0, 1).
+#[must_use]
+pub fn t_interval(standard_error: f64, count: usize, confidence: f64) -> Option<f64> {
+    let degrees_of_freedom = count.checked_sub(1).filter(|&degrees| degrees > 0)?;
+    let distribution = StudentsT::new(0.0, 1.0, degrees_of_freedom as f64).ok()?;
+    if confidence <= 0.0 || confidence >= 1.0 {
+        return None;
+    }
+    let share = f64::midpoint(1.0, confidence);
+    let mut quantile = distribution.inverse_cdf(share);
+    // The library's quantile has few digits; Newton's steps double them.
+    for _ in 0..3 {
+        quantile -= (distribution.cdf(quantile) - share) / distribution.pdf(quantile);
+    }
+    Some(standard_error * quantile)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -69,6 +87,17 @@ mod tests {
         assert!((t_p(3.0, 1, Sidedness::Greater).unwrap() - want).abs() < 1e-14);
         assert!((t_p(3.0, 1, Sidedness::TwoSided).unwrap() - 2.0 * want).abs() < 1e-14);
         assert!((t_p(3.0, 1, Sidedness::Less).unwrap() - (1.0 - want)).abs() < 1e-14);
+    }
+
+    #[test]
+    fn the_interval_of_five_values_is_the_tabulated_one() {
+        // The 97.5 % quantile of t with 4 degrees of freedom is 2.776445 in every table.
+        assert!((t_interval(2.0, 5, 0.95).unwrap() - 2.0 * 2.776_445_105).abs() < 1e-8);
+        // With one degree of freedom the quantile is tan(π(p − ½)).
+        let want = (std::f64::consts::PI * 0.475).tan();
+        assert!((t_interval(1.0, 2, 0.95).unwrap() - want).abs() < 1e-9 * want);
+        assert_eq!((t_interval(2.0, 1, 0.95), t_interval(2.0, 0, 0.95)), (None, None));
+        assert_eq!(t_interval(2.0, 5, 1.0), None);
     }
 
     #[test]

@@ -9,6 +9,8 @@
 //! 2. Ties or zeros, at most 13 pairs: exact over all sign assignments of the actual average ranks.
 //! 3. Else normal, without continuity correction.
 //!
+//! [`NullDistribution`] takes 1 and 2, or 3, whatever the number of pairs; [`wilcoxon`] chooses as above.
+//!
 //! Two-sided p = min(1, 2·min(P(S ≤ W⁺), P(S ≥ W⁺))). Effect size: rank-biserial r = (W⁺ − W⁻)/(W⁺ + W⁻).
 //!
 //! Degenerate: NaN among the differences leaves everything undefined; no non-zero difference, or no difference at all,
@@ -37,6 +39,20 @@ pub enum Zeros {
     /// They are ranked with the rest, then left out of both sums. The tests of smoothness.
     Keep,
 }
+
+/// Where the p value is read off.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NullDistribution {
+    /// By the number of pairs, ties and zeros: the rules at the top of this file.
+    Automatic,
+    /// Counted, for at most [`MOST_EXACT_PAIRS`] pairs.
+    Exact,
+    /// The normal approximation.
+    Normal,
+}
+
+/// Pairs of which the exact distribution is counted at most: its cost grows with their third power.
+pub const MOST_EXACT_PAIRS: usize = 500;
 
 /// How a p value came about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,7 +92,19 @@ pub struct Wilcoxon {
 /// Tests whether `differences` are symmetric about zero; undefined if one of them is NaN.
 #[must_use]
 pub fn wilcoxon(differences: &[f64], zeros: Zeros, sidedness: Sidedness) -> Option<Wilcoxon> {
-    if differences.iter().any(|d| d.is_nan()) {
+    wilcoxon_with(differences, zeros, sidedness, NullDistribution::Automatic)
+}
+
+/// The same with a chosen null distribution; undefined too for more pairs than can be counted.
+#[must_use]
+pub fn wilcoxon_with(
+    differences: &[f64],
+    zeros: Zeros,
+    sidedness: Sidedness,
+    distribution: NullDistribution,
+) -> Option<Wilcoxon> {
+    let too_many = distribution == NullDistribution::Exact && differences.len() > MOST_EXACT_PAIRS;
+    if too_many || differences.iter().any(|d| d.is_nan()) {
         return None;
     }
     let ranked: Vec<f64> =
@@ -111,10 +139,15 @@ pub fn wilcoxon(differences: &[f64], zeros: Zeros, sidedness: Sidedness) -> Opti
         ties.remove(0);
     }
     let is_plain = ties.is_empty() && zero_count == 0;
-    let (method, tails) = if is_plain && all <= EXACT_PAIRS {
+    let counted = |most: usize| match distribution {
+        NullDistribution::Automatic => all <= most,
+        NullDistribution::Exact => true,
+        NullDistribution::Normal => false,
+    };
+    let (method, tails) = if is_plain && counted(EXACT_PAIRS) {
         let ranks: Vec<usize> = (1..=nonzero).collect();
         (WilcoxonMethod::Exact, subset_tails(&ranks, w_plus as usize))
-    } else if all <= PERMUTED_PAIRS {
+    } else if counted(PERMUTED_PAIRS) {
         // Average ranks are halves; twice them are whole.
         let doubled: Vec<usize> = signed().map(|(_, rank)| (2.0 * rank) as usize).collect();
         (WilcoxonMethod::Permutation, subset_tails(&doubled, (2.0 * w_plus) as usize))
@@ -209,6 +242,22 @@ mod tests {
         let test = wilcoxon(&[1.0; 30], Zeros::Drop, Sidedness::TwoSided).unwrap();
         assert_eq!(test.method, WilcoxonMethod::Normal);
         assert!(test.p > 0.0 && test.p < 1e-6);
+    }
+
+    #[test]
+    fn a_chosen_distribution_is_used_and_both_agree_for_many_pairs() {
+        let differences: Vec<f64> =
+            (1..=60_i32).map(|i| f64::from(if i % 3 == 0 { -i } else { i })).collect();
+        let with = |distribution| {
+            wilcoxon_with(&differences, Zeros::Drop, Sidedness::TwoSided, distribution).unwrap()
+        };
+        let (exact, normal) = (with(NullDistribution::Exact), with(NullDistribution::Normal));
+        assert_eq!((exact.method, normal.method), (WilcoxonMethod::Exact, WilcoxonMethod::Normal));
+        assert_eq!(with(NullDistribution::Automatic).method, WilcoxonMethod::Normal);
+        assert!((exact.p - normal.p).abs() < 1e-3, "{} {}", exact.p, normal.p);
+        let many = vec![1.0; MOST_EXACT_PAIRS + 1];
+        let exact = NullDistribution::Exact;
+        assert_eq!(wilcoxon_with(&many, Zeros::Drop, Sidedness::TwoSided, exact), None);
     }
 
     #[test]

@@ -11,6 +11,7 @@ mod principal_angles;
 mod projection;
 mod reconstruction;
 mod ridge_projection;
+mod small_svd;
 mod variance_and_angle;
 
 pub use covariance::Covariance;

@@ -19,6 +19,9 @@ use faer::Mat;
 use super::eigen::falling_eigenpairs;
 use super::{Covariance, SubspaceError};
 
+/// Components with a smaller share of the variance are beyond the numerical rank.
+const NUMERICAL_RANK: f64 = 1e-12;
+
 /// Orthonormal directions of falling variance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PrincipalComponents {
@@ -44,6 +47,13 @@ impl PrincipalComponents {
     pub fn component(&self, index: usize) -> &[f64] {
         let muscle_count = self.muscle_count();
         &self.components[index * muscle_count..][..muscle_count]
+    }
+
+    /// Number of components that have variance: at least 10⁻¹² of the total.
+    #[must_use]
+    pub fn rank(&self) -> usize {
+        let total: f64 = self.variances.iter().sum();
+        self.variances.iter().filter(|&&variance| variance >= NUMERICAL_RANK * total).count()
     }
 
     /// Whether there were too few rows for all components to mean something.

@@ -1,24 +1,28 @@
 //! Principal angles between two subspaces: how far apart their best-aligned directions are.
 //!
-//! With orthonormal rows P and Q, `cos θᵢ = σᵢ(P Qᵀ)`; rising, in radians, in [0, π/2]. The arc cosine loses half of the
-//! digits of small angles, so below 45° the sine is used: `sin θᵢ = σᵢ(P − P QᵀQ)` (Björck & Golub 1973; Knyazev &
-//! Argentati 2002).
+//! With orthonormal rows P and Q, `cos θᵢ = σᵢ(P Qᵀ)`; rising, in radians, in [0, π/2]. The arc cosine is off by ε / sin θ
+//! and loses half of the digits of small angles, so there the sine is used: `sin θᵢ = σᵢ(P − P QᵀQ)` (Björck & Golub 1973;
+//! Knyazev & Argentati 2002). [`principal_angles`] uses it below 45°.
 //!
 //! For the leading n directions of two complete bases, all n at once, [`leading_subspace_angles`] needs one product
 //! `C = A Bᵀ`. C is orthogonal, so by the cosine–sine decomposition its leading n × n block has, apart from 2n − M ones,
 //! the singular values of the trailing (M − n) × (M − n) block, and the off-diagonal block holds the sines. So no block
-//! larger than M/2 is ever decomposed.
+//! larger than M/2 is ever decomposed, and sines only where some angle is below a thousandth: the arc cosine of all others
+//! is right to 10⁻¹² radians.
 //!
 //! Degenerate: an empty subspace, or bodies of different size, are errors. Directions beyond the rank of the data are
 //! arbitrary, and so are their angles. Oracle: `tests/analysis_parity.rs`, algorithms `principal_angles`, `pvd_pad`.
 
-use faer::diag::Diag;
-use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::matmul::matmul;
-use faer::linalg::svd::{ComputeSvdVectors, svd, svd_scratch};
 use faer::{Accum, Mat, MatRef, Par};
 
+use super::small_svd::SmallSvd;
 use super::{PrincipalComponents, SubspaceError};
+
+/// Squared cosine above which an angle is below 45°.
+const BELOW_HALF_RIGHT: f64 = 0.5;
+/// Squared cosine above which an angle is below a thousandth.
+const BELOW_A_THOUSANDTH: f64 = 1.0 - 1e-6;
 
 /// Angles between the spans of the rows of `first` and of `second`, rising, in radians; as many as the smaller of the
 /// two has rows. Both are row-major with `muscles` columns and orthonormal rows.
@@ -49,7 +53,10 @@ pub fn principal_angles(
     matmul(cosines.as_mut(), Accum::Replace, small, large.transpose(), 1.0, Par::Seq);
     let mut rest = small.to_owned();
     matmul(rest.as_mut(), Accum::Add, cosines.as_ref(), large, -1.0, Par::Seq);
-    angles_of(cosines.as_ref(), rest.as_ref())
+    let mut angles = Vec::new();
+    let near = BELOW_HALF_RIGHT;
+    push_angles(&mut SmallSvd::default(), (cosines.as_ref(), rest.as_ref()), near, &mut angles)?;
+    Ok(angles)
 }
 
 fn values_rows(values: &[f64], muscles: usize) -> usize {
@@ -72,58 +79,47 @@ pub fn leading_subspace_angles(
     let (first, second) = (rows(&first.components), rows(&second.components));
     matmul(products.as_mut(), Accum::Replace, first, second.transpose(), 1.0, Par::Seq);
     let products = products.as_ref();
+    let mut svd = SmallSvd::default();
     (1..=muscles)
         .map(|count| {
             let rest = muscles - count;
-            if count <= rest {
-                let cosines = products.submatrix(0, 0, count, count);
-                return angles_of(cosines, products.submatrix(count, 0, rest, count));
-            }
-            let mut angles = vec![0.0; count - rest];
-            if rest > 0 {
+            let mut angles = Vec::with_capacity(count);
+            let blocks = if count <= rest {
+                (products.submatrix(0, 0, count, count), products.submatrix(count, 0, rest, count))
+            } else {
+                angles.resize(count - rest, 0.0);
                 let cosines = products.submatrix(count, count, rest, rest);
-                angles.extend(angles_of(cosines, products.submatrix(0, count, count, rest))?);
-            }
+                (cosines, products.submatrix(0, count, count, rest))
+            };
+            push_angles(&mut svd, blocks, BELOW_A_THOUSANDTH, &mut angles)?;
             Ok(angles)
         })
         .collect()
 }
 
-/// Rising angles from matrices whose singular values are their cosines and sines.
-fn angles_of(cosines: MatRef<'_, f64>, sines: MatRef<'_, f64>) -> Result<Vec<f64>, SubspaceError> {
-    let cosines = singular_values(cosines)?;
-    let is_small = |cosine: f64| cosine * cosine > 0.5;
-    if !cosines.first().is_some_and(|&largest| is_small(largest)) {
-        return Ok(cosines.iter().map(|cosine| cosine.clamp(0.0, 1.0).acos()).collect());
+/// Adds rising angles from two matrices whose singular values are their cosines and sines. Sines count for angles whose
+/// squared cosine is above `near`.
+fn push_angles(
+    svd: &mut SmallSvd,
+    (cosines, sines): (MatRef<'_, f64>, MatRef<'_, f64>),
+    near: f64,
+    angles: &mut Vec<f64>,
+) -> Result<(), SubspaceError> {
+    let muscles = sines.nrows().max(sines.ncols());
+    let failed = SubspaceError::NoConvergence { muscles };
+    let start = angles.len();
+    let found = svd.values(cosines).ok_or(failed.clone())?;
+    // Cosines fall while angles rise.
+    angles.extend(found.iter().map(|cosine| cosine.min(1.0).acos()));
+    let small = found.iter().take_while(|&&cosine| cosine * cosine > near).count();
+    if small > 0 {
+        let found = svd.values(sines).ok_or(failed)?;
+        // Sines fall while angles fall.
+        for (angle, sine) in angles[start..start + small].iter_mut().zip(found.iter().rev()) {
+            *angle = sine.min(1.0).asin();
+        }
     }
-    let sines = singular_values(sines)?;
-    // Cosines fall while angles rise; sines fall while angles fall.
-    let pairs = cosines.iter().zip(sines.iter().rev());
-    let angle = |(&cosine, &sine): (&f64, &f64)| {
-        let angle: f64 =
-            if is_small(cosine) { sine.clamp(0.0, 1.0).asin() } else { cosine.min(1.0).acos() };
-        angle
-    };
-    Ok(pairs.map(angle).collect())
-}
-
-/// Singular values, falling.
-fn singular_values(matrix: MatRef<'_, f64>) -> Result<Vec<f64>, SubspaceError> {
-    let (rows, columns) = matrix.shape();
-    let mut values = Diag::<f64>::zeros(rows.min(columns));
-    let none = ComputeSvdVectors::No;
-    let scratch = svd_scratch::<f64>(rows, columns, none, none, Par::Seq, Default::default());
-    svd(
-        matrix,
-        values.as_mut(),
-        None,
-        None,
-        Par::Seq,
-        MemStack::new(&mut MemBuffer::new(scratch)),
-        Default::default(),
-    )
-    .map_err(|_| SubspaceError::NoConvergence { muscles: rows.max(columns) })?;
-    Ok(values.column_vector().iter().copied().collect())
+    Ok(())
 }
 
 #[cfg(test)]

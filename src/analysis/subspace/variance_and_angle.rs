@@ -7,16 +7,13 @@
 //!   [`VarianceDifference`] names the alternatives.
 //! * `PAD(n)` = mean of the n principal angles between the spans, in **degrees**, in [0, 90]; 0 for all components.
 //!
-//! Entry n − 1 belongs to n components. Components with less than 10⁻¹² of the total variance are beyond the numerical
-//! rank and point anywhere: [`PairCurves::is_beyond_rank`].
+//! Entry n − 1 belongs to n components. Components beyond the rank ([`PrincipalComponents::rank`]) point anywhere:
+//! [`PairCurves::is_beyond_rank`].
 //!
 //! Degenerate: bodies of different size are an error; data without variance have no components already.
 //! Oracle: `tests/analysis_parity.rs`, algorithm `pvd_pad`.
 
 use super::{Covariance, PrincipalComponents, SubspaceError, leading_subspace_angles};
-
-/// Components with a smaller share of the variance are beyond the numerical rank.
-const NUMERICAL_RANK: f64 = 1e-12;
 
 /// What "variance differing" means.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -78,7 +75,7 @@ pub fn compare_subspaces(
     };
     let angles = leading_subspace_angles(first.1, second.1)?;
     let pad = angles.iter().map(|angles| average_angle(angles, angle)).collect();
-    let common_rank = numerical_rank(first.1).min(numerical_rank(second.1));
+    let common_rank = first.1.rank().min(second.1.rank());
     Ok(PairCurves { pvd, pad, common_rank })
 }
 
@@ -121,12 +118,6 @@ pub fn average_angle(angles: &[f64], summary: AngleSummary) -> f64 {
         AngleSummary::Smallest => angles.iter().copied().reduce(f64::min).unwrap_or(0.0),
     };
     angle.to_degrees()
-}
-
-/// Number of components that have variance.
-fn numerical_rank(components: &PrincipalComponents) -> usize {
-    let total: f64 = components.variances.iter().sum();
-    components.variances.iter().filter(|&&variance| variance >= NUMERICAL_RANK * total).count()
 }
 
 #[cfg(test)]

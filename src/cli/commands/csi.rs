@@ -1,14 +1,21 @@
 //! `csi`: control-subspace inactivation.
 
-use clap::Args;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
+use super::synergies::Start;
 use crate::cli::context::{Context, Outcome};
 use crate::cli::finish::{self, Output};
 use crate::cli::laboratory::{Defaults, Laboratory, PlayArguments};
 use crate::cli::progress::Progress;
 use crate::cli::render::{self, Align, Hinted};
-use crate::experiment::csi::{self, CsiOptions};
+use crate::cli::{signals, sweep};
+use crate::experiment::csi::{self, CsiOptions, CsiScene, Design, Method, SynergyOptions};
+use crate::files;
+use crate::record::{Benchmark, read_benchmark};
 use crate::sim::rollout::ActionMode;
 
 /// Arguments of `csi`.
@@ -22,16 +29,58 @@ pub struct CsiArguments {
     /// Leave the pooled basis out
     #[arg(long)]
     no_pooled: bool,
+    /// What the components are
+    #[arg(long, value_enum, value_name = "BASIS", default_value = "pca")]
+    basis: BasisChoice,
+    /// Factorisations of every number of synergies, each from a seed of its own and for its share of the episodes
+    /// [default: 10, or 1 with `--nmf-init nndsvda`]
+    #[arg(long, value_name = "N")]
+    n_fits: Option<NonZeroUsize>,
+    /// Where a factorisation starts [default: nndsvdar]
+    #[arg(long, value_enum, value_name = "START")]
+    nmf_init: Option<Start>,
+    /// Play in the components of another policy's actions: a file, a folder or a name, as for `--policy`
+    #[arg(long, value_name = "FILE|NAME")]
+    components_of: Option<PathBuf>,
+    /// Results of the experts (`results.json` of `evaluate`, or a published `…_results.json`): performance in percent of
+    /// theirs as well
+    #[arg(long, value_name = "FILE")]
+    relative_to: Option<PathBuf>,
+    /// How much to play where it is not said otherwise
+    #[arg(long, value_enum, value_name = "BUDGET", default_value = "paper")]
+    budget: Budget,
 }
+
+/// What the components are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum BasisChoice {
+    /// Principal components of the mean actions; actions are projected onto them
+    Pca,
+    /// Synergies of the excitations (non-negative factors); excitations are rebuilt from them
+    Nmf,
+}
+
+/// How much to play.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Budget {
+    /// A sketch: 20 episodes, a dozen numbers of components, one factorisation of each
+    Quick,
+    /// As published: 100 episodes, every number of components, ten factorisations
+    Paper,
+}
+
+/// The numbers of components of a sketch: few where curves bend, fewer where they are flat.
+const QUICK_COMPONENTS: [usize; 15] = [1, 2, 3, 4, 6, 8, 11, 15, 20, 26, 33, 39, 50, 63, 80];
+const QUICK_EPISODES: usize = 20;
 
 /// Numbers of components as typed.
 #[derive(Debug, Clone, PartialEq, Eq)]
-struct ComponentList(Vec<usize>);
+pub(super) struct ComponentList(pub(super) Vec<usize>);
 
 /// No body has more muscles than this.
 const MOST_COMPONENTS: usize = 1000;
 
-fn component_list(text: &str) -> Result<ComponentList, String> {
+pub(super) fn component_list(text: &str) -> Result<ComponentList, String> {
     let number = |text: &str| match text.trim().parse::<usize>() {
         Ok(k) if (1..=MOST_COMPONENTS).contains(&k) => Ok(k),
         _ => Err(format!("`{text}` is no number of components")),
@@ -51,16 +100,50 @@ fn component_list(text: &str) -> Result<ComponentList, String> {
 /// Episodes per point of the paper's sweep.
 const EPISODES: usize = 100;
 
-/// Runs the command.
-pub fn run(context: &Context, arguments: &CsiArguments) -> anyhow::Result<Outcome> {
-    let defaults =
-        Defaults { tasks: "all", episodes: EPISODES, mode: Some(ActionMode::Stochastic) };
-    let laboratory = Laboratory::open(context, &arguments.play, defaults)?;
+impl CsiArguments {
+    fn method(&self) -> anyhow::Result<Method> {
+        if self.basis == BasisChoice::Pca {
+            if self.n_fits.is_some() || self.nmf_init.is_some() {
+                return Err(Hinted::new(
+                    "`--n-fits` and `--nmf-init` are for synergies",
+                    "add `--basis nmf`, or leave them out",
+                ));
+            }
+            return Ok(Method::PrincipalComponents);
+        }
+        let published = SynergyOptions::default();
+        let noise = self.nmf_init.unwrap_or(Start::Nndsvdar) == Start::Nndsvdar;
+        let usual = if noise && self.budget == Budget::Paper { published.fits } else { 1 };
+        let fits = self.n_fits.map_or(usual, NonZeroUsize::get);
+        if !noise && fits > 1 {
+            return Err(Hinted::new(
+                format!("with `--nmf-init nndsvda` all {fits} fits would be the same"),
+                "leave `--n-fits` out, or take `--nmf-init nndsvdar`",
+            ));
+        }
+        Ok(Method::Synergies(SynergyOptions { fits, noise }))
+    }
+
+    fn components(&self) -> Option<Vec<usize>> {
+        let typed = self.components.as_ref().map(|list| list.0.clone());
+        typed.or_else(|| (self.budget == Budget::Quick).then(|| QUICK_COMPONENTS.to_vec()))
+    }
+}
+
+/// Opens the policies, and says what to sweep.
+fn open(context: &Context, arguments: &CsiArguments) -> anyhow::Result<(Laboratory, CsiOptions)> {
+    let method = arguments.method()?;
+    let episodes = if arguments.budget == Budget::Quick { QUICK_EPISODES } else { EPISODES };
+    let defaults = Defaults { tasks: "all", episodes, mode: Some(ActionMode::Stochastic) };
+    let mut laboratory = Laboratory::open(context, &arguments.play, defaults)?;
+    if let Some(name) = &arguments.components_of {
+        laboratory.take_components_of(context, name)?;
+    }
     let options = CsiOptions {
         episodes: laboratory.episodes,
-        seed: laboratory.seed,
-        components: arguments.components.as_ref().map(|list| list.0.clone()),
+        components: arguments.components(),
         pooled: !arguments.no_pooled,
+        method,
     };
     let most = laboratory.muscle_counts.iter().copied().max().unwrap_or(0);
     if options.components.as_ref().is_some_and(|list| list.iter().all(|&k| k > most)) {
@@ -71,28 +154,118 @@ pub fn run(context: &Context, arguments: &CsiArguments) -> anyhow::Result<Outcom
             format!("`--components 1-{most}`, or leave it out for all"),
         ));
     }
-    let plan = json!({
+    if let Method::Synergies(SynergyOptions { fits, .. }) = options.method
+        && fits > options.episodes
+    {
+        return Err(Hinted::new(
+            format!("{fits} factorisations cannot share {} episodes", options.episodes),
+            "fewer with `--n-fits N`, or more with `--episodes N`",
+        ));
+    }
+    Ok((laboratory, options))
+}
+
+/// Everything that decides the result; what is as usual goes without saying.
+fn decides(laboratory: &Laboratory, options: &CsiOptions, experts: Option<&Experts>) -> Value {
+    let mut plan = json!({
         "play": laboratory.decides(),
         "components": options.components,
         "pooled": options.pooled,
     });
+    if let Method::Synergies(SynergyOptions { fits, noise }) = options.method {
+        let start = if noise { "nndsvdar" } else { "nndsvda" };
+        plan["basis"] = json!({"method": "nmf", "fits": fits, "start": start});
+    }
+    if let Some(other) = &laboratory.components_of {
+        plan["components_of"] = json!({
+            "name": other.name,
+            "checkpoint_blake3": other.checkpoint_hash,
+            "normaliser_blake3": other.normaliser_hash,
+        });
+    }
+    if let Some(experts) = experts {
+        plan["relative_to_sha256"] = json!(experts.sha256);
+    }
+    plan
+}
+
+/// What performance is divided by.
+struct Experts {
+    results: Benchmark,
+    sha256: String,
+}
+
+fn read_experts(path: &Path) -> anyhow::Result<Experts> {
+    let results = read_benchmark(path).map_err(|error| {
+        Hinted::new(
+            error.to_string(),
+            "give the `results.json` of `arnold-analyze evaluate`, or a published `…_results.json`",
+        )
+    })?;
+    Ok(Experts { results, sha256: files::sha256_of_file(path)? })
+}
+
+/// Runs the command.
+pub fn run(context: &Context, arguments: &CsiArguments) -> anyhow::Result<Outcome> {
+    let experts = arguments.relative_to.as_deref().map(read_experts).transpose()?;
+    let (laboratory, options) = open(context, arguments)?;
+    let plan = decides(&laboratory, &options, experts.as_ref());
     let (folder, finished) = finish::open(context, &laboratory, "csi", &plan)?;
     if let Some(manifest) = finished {
         return finish::print(context, &folder, &manifest, &table);
     }
-    let total = csi::episode_count(&options, &laboratory.muscle_counts);
-    let progress = Progress::start(context, "csi", "episodes", total as u64);
-    let plans: Vec<_> = laboratory.tasks.iter().map(|task| laboratory.plan(task)).collect();
-    let csi = csi::sweep(&laboratory.machine, &plans, &options, &|_| progress.advance(1))?;
-    let seconds = progress.finish();
+    let machine = &laboratory.machine;
+    let design =
+        Design::new(machine, &laboratory.tasks, options, laboratory.policies().get(1).cloned())?;
+    let scene = CsiScene {
+        design: &design,
+        players: &laboratory,
+        folder: folder.path.clone(),
+        threads: machine.threads,
+        goes_on: &signals::go_on,
+        on_fits: &|total| count_fits(context, total),
+    };
+    let arms = design.arms();
+    let Some((played, seconds)) = sweep::play(context, &folder, &laboratory, &scene, arms)? else {
+        return Ok(Outcome::Done);
+    };
+    let mut csi = csi::assemble(&scene, &played)?;
+    if let Some(experts) = &experts {
+        let fraction = |task: &str| experts.results.get(task)?.avg_solved_step_frac;
+        csi.experts = Some(csi.tasks.iter().map(|task| fraction(task.task.name)).collect());
+    }
+    let source = laboratory.components_of.as_ref().unwrap_or(&laboratory.policy);
     let mut output = Output::new(&folder);
-    output.table("curves.parquet", &csi::curve_table(&csi, &laboratory.policy.name)?)?;
+    output.table("curves.parquet", &csi::curve_table(&csi, &source.name)?)?;
     output.table("episodes.parquet", &csi::episode_table(&csi)?)?;
     output.table("bases.parquet", &csi::basis_table(&csi)?)?;
     let figure = csi::figure(&csi, finish::provenance(&laboratory));
     output.figure("csi", &figure.to_svg()?)?;
-    let manifest = output.finish(&laboratory, csi::document(&csi), seconds)?;
+    let mut document = csi::document(&csi);
+    if arguments.budget == Budget::Quick {
+        document["budget"] = quick(&design.options);
+    }
+    let manifest = output.finish(&laboratory, document, seconds)?;
     finish::print(context, &folder, &manifest, &table)
+}
+
+/// What a sketch says of itself.
+fn quick(options: &CsiOptions) -> Value {
+    json!({
+        "name": "quick",
+        "episodes": options.episodes,
+        "components": options.components,
+        "note": format!(
+            "a sketch: {} episodes per point and some numbers of components only, where the paper has {EPISODES} and all",
+            options.episodes
+        ),
+    })
+}
+
+/// A count of factorisations, which takes itself away with the last one.
+fn count_fits(context: &Context, total: usize) -> Box<dyn Fn() + Sync> {
+    let progress = Progress::start(context, "csi", "factorisations", total as u64);
+    Box::new(move || progress.advance(1))
 }
 
 fn table(result: &Value) -> String {
@@ -109,8 +282,12 @@ fn table(result: &Value) -> String {
         for (task, entry) in result[key].as_object().into_iter().flatten() {
             let solved = entry["solved_fraction"].as_array().into_iter().flatten();
             let needed = |share: &str| {
-                let count = entry["functional_dimensionality"][share]["components"].as_u64();
-                count.map_or_else(|| "–".to_owned(), |k| k.to_string())
+                let found = &entry["functional_dimensionality"][share];
+                match (found["components"].as_u64(), found["at_most"].as_u64()) {
+                    (Some(k), _) => k.to_string(),
+                    (None, Some(k)) => format!("≤ {k}"),
+                    (None, None) => "–".to_owned(),
+                }
             };
             let unprojected = entry["unprojected"]["mean"].as_f64();
             rows.push(vec![
@@ -125,6 +302,9 @@ fn table(result: &Value) -> String {
     }
     let mut text = render::table(&columns, &rows);
     text.push_str("\n90 % at, 95 % at: fewest components that keep that share of the unprojected performance\n");
+    if let Some(note) = result["budget"]["note"].as_str() {
+        text.extend(["\nQuick: ", note, "\n"]);
+    }
     text
 }
 

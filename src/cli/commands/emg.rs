@@ -83,9 +83,8 @@ pub fn run(context: &Context, arguments: &EmgArguments) -> anyhow::Result<Outcom
         Hinted::new(error.to_string(), hint)
     })?;
     warn_of_invented_people(context, &subjects);
-    let Walks { all: walks, plan, machine } =
-        walking::gather(context, &arguments.recording, &arguments.play, &options.walk)?;
-    let names: Vec<&str> = walks.iter().map(|walk| walk.policy.as_str()).collect();
+    let walks = Walks::open(context, &arguments.recording, &arguments.play, &options.walk)?;
+    let names = walks.names();
     for (place, name) in names.iter().enumerate() {
         if *name == HUMAN || names[..place].contains(name) {
             return Err(Hinted::new(
@@ -103,13 +102,14 @@ pub fn run(context: &Context, arguments: &EmgArguments) -> anyhow::Result<Outcom
         "cycles": arguments.cycles.decides(),
         "undefined": format!("{:?}", options.undefined),
         "allow_empty": options.allow_empty,
-        "walks": plan,
+        "walks": walks.plan,
     });
     let (folder, finished) = finish::open_below(context, arguments.play.out(), "emg", &plan)?;
     if let Some(manifest) = finished {
         finish::print(context, &folder, &manifest, &table)?;
         return Ok(outcome(&manifest.result));
     }
+    let Some((walks, machine)) = walks.all(context, &folder)? else { return Ok(Outcome::Done) };
     let result = EmgResult::of(subjects, &walks, options).map_err(walking::with_hint)?;
     for warning in result.policies.iter().flat_map(|policy| &policy.warnings) {
         context.say(&format!("warning: {warning}"));

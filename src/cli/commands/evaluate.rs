@@ -6,13 +6,18 @@ use serde_json::{Map, Value, json};
 use crate::cli::context::{Context, Outcome};
 use crate::cli::finish::{self, Output};
 use crate::cli::laboratory::{Defaults, Laboratory, PlayArguments};
-use crate::cli::progress::Progress;
 use crate::cli::render::{self, Align};
-use crate::experiment::evaluation;
+use crate::cli::sweep;
+use crate::experiment::evaluation::{self, TaskEvaluation};
+use crate::sim::rollout::Channels;
+
+use super::evaluate_benchmarks::{self, BenchmarkArguments};
 
 /// Arguments of `evaluate`.
 #[derive(Debug, Args)]
 pub struct EvaluateArguments {
+    #[command(flatten)]
+    benchmarks: BenchmarkArguments,
     #[command(flatten)]
     play: PlayArguments,
 }
@@ -22,25 +27,24 @@ const EPISODES: usize = 200;
 
 /// Runs the command.
 pub fn run(context: &Context, arguments: &EvaluateArguments) -> anyhow::Result<Outcome> {
+    if arguments.benchmarks.are_given() {
+        return evaluate_benchmarks::run(context, &arguments.benchmarks, &arguments.play);
+    }
     let defaults = Defaults { tasks: "all", episodes: EPISODES, mode: None };
     let laboratory = Laboratory::open(context, &arguments.play, defaults)?;
     let (folder, finished) = finish::open(context, &laboratory, "evaluate", &laboratory.decides())?;
     if let Some(manifest) = finished {
         return finish::print(context, &folder, &manifest, &table);
     }
-    let total = laboratory.tasks.len() * laboratory.episodes;
-    let progress = Progress::start(context, "evaluate", "episodes", total as u64);
+    let arms = laboratory.tasks.iter().map(|task| laboratory.arm(task, Channels::Counts)).collect();
+    let Some((played, seconds)) = sweep::play(context, &folder, &laboratory, &laboratory, arms)?
+    else {
+        return Ok(Outcome::Done);
+    };
     let mut evaluations = Vec::new();
-    for task in &laboratory.tasks {
-        evaluations.push(evaluation::evaluate_task(
-            &laboratory.machine,
-            &laboratory.plan(task),
-            laboratory.episodes,
-            laboratory.seed,
-            &|_| progress.advance(1),
-        )?);
+    for (arm, task) in laboratory.tasks.iter().enumerate() {
+        evaluations.push(TaskEvaluation { task, episodes: played.episodes(arm)? });
     }
-    let seconds = progress.finish();
     let mut records = Map::new();
     for evaluation in &evaluations {
         let record = serde_json::to_value(evaluation.benchmark_record()?)?;

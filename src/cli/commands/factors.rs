@@ -5,14 +5,16 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
-use super::walking::{self, CycleArguments, Labelled, Leg};
+use super::walking::{self, CycleArguments, Labelled, Leg, Walks};
 use crate::analysis::factor::FACTOR_MUSCLES;
 use crate::assets::platform;
 use crate::cli::context::{Context, Outcome};
 use crate::cli::finish::{self, Output};
 use crate::cli::laboratory::PlayArguments;
 use crate::cli::render::{self, Align, Hinted};
+use crate::cli::sweep;
 use crate::experiment::factors::{Activations, FactorsError, FactorsResult};
+use crate::experiment::run_folder::RunFolder;
 use crate::files;
 use crate::npz::write_npy;
 use crate::record::profiles::SimulationProfiles;
@@ -50,10 +52,10 @@ enum Turn {
 
 /// Runs the command.
 pub fn run(context: &Context, arguments: &FactorsArguments) -> anyhow::Result<Outcome> {
-    let (activations, source, machine) = activations(context, arguments)?;
+    let profiles = Profiles::open(context, arguments)?;
     let reference = arguments.rotation == Turn::Reference;
     let plan = json!({
-        "source": source,
+        "source": profiles.source(arguments)?,
         "side": format!("{:?}", arguments.side),
         "cycles": arguments.cycles.decides(),
         "rotation": format!("{:?}", arguments.rotation),
@@ -62,6 +64,9 @@ pub fn run(context: &Context, arguments: &FactorsArguments) -> anyhow::Result<Ou
     if let Some(manifest) = finished {
         return finish::print(context, &folder, &manifest, &table);
     }
+    let Some((activations, machine)) = profiles.activations(context, arguments, &folder)? else {
+        return Ok(Outcome::Done);
+    };
     let result = FactorsResult::of(activations, reference)?;
     for warning in result.warnings() {
         context.say(&format!("warning: {warning}"));
@@ -97,32 +102,67 @@ pub fn run(context: &Context, arguments: &FactorsArguments) -> anyhow::Result<Ou
     finish::print(context, &folder, &manifest, &table)
 }
 
-/// The averaged cycle, what decides it, and what decides nothing.
-fn activations(
-    context: &Context,
-    arguments: &FactorsArguments,
-) -> anyhow::Result<(Activations, Value, Value)> {
-    if let Some(path) = &arguments.profiles {
-        let activations = stored(path, arguments.profile.as_deref())?;
-        let source = json!({"sha256": files::sha256_of_file(path)?, "profile": activations.policy});
-        let machine = json!({"profiles": path, "platform": platform::describe_here()});
-        return Ok((activations, source, machine));
+/// Where the averaged cycle comes from.
+enum Profiles<'a> {
+    Stored(&'a Path),
+    Walked(Box<Walks>),
+}
+
+impl<'a> Profiles<'a> {
+    fn open(context: &Context, arguments: &'a FactorsArguments) -> anyhow::Result<Self> {
+        if let Some(path) = &arguments.profiles {
+            return Ok(Self::Stored(path));
+        }
+        let options = arguments.cycles.options();
+        let recordings: Vec<Labelled> = arguments.recording.iter().cloned().collect();
+        let walks = Walks::open(context, &recordings, &arguments.play, &options)?;
+        match walks.names().len() {
+            1 => Ok(Self::Walked(Box::new(walks))),
+            count => Err(Hinted::new(
+                format!("factors are found in one walk, {count} were given"),
+                "one of `--recording FILE`, `--profiles simulation.npz`, `--policy FILE`",
+            )),
+        }
     }
-    let side = arguments.side.into();
-    let options = arguments.cycles.options();
-    let recordings: Vec<Labelled> = arguments.recording.iter().cloned().collect();
-    let walks = walking::gather(context, &recordings, &arguments.play, &options)?;
-    let [walk] = &walks.all[..] else {
-        return Err(Hinted::new(
-            format!("factors are found in one walk, {} were given", walks.all.len()),
-            "one of `--recording FILE`, `--profiles simulation.npz`, `--policy FILE`",
-        ));
-    };
-    let activations = Activations::of_walk(walk, side, &options).map_err(|error| match error {
-        FactorsError::Walk(error) => walking::with_hint(error),
-        other => other.into(),
-    })?;
-    Ok((activations, walks.plan, walks.machine))
+
+    /// What decides it, for the run's key.
+    fn source(&self, arguments: &FactorsArguments) -> anyhow::Result<Value> {
+        Ok(match self {
+            Self::Stored(path) => {
+                let activations = stored(path, arguments.profile.as_deref())?;
+                json!({"sha256": files::sha256_of_file(path)?, "profile": activations.policy})
+            }
+            Self::Walked(walks) => walks.plan.clone(),
+        })
+    }
+
+    /// The cycle, and what decides nothing about it; none if only a part of the playing was to be done.
+    fn activations(
+        self,
+        context: &Context,
+        arguments: &FactorsArguments,
+        folder: &RunFolder,
+    ) -> anyhow::Result<Option<(Activations, Value)>> {
+        match self {
+            Self::Stored(path) => {
+                sweep::nothing_to_play(context)?;
+                let activations = stored(path, arguments.profile.as_deref())?;
+                let machine = json!({"profiles": path, "platform": platform::describe_here()});
+                Ok(Some((activations, machine)))
+            }
+            Self::Walked(walks) => {
+                let Some((walks, machine)) = walks.all(context, folder)? else { return Ok(None) };
+                let side = arguments.side.into();
+                let activations =
+                    Activations::of_walk(&walks[0], side, &arguments.cycles.options());
+                let activations = activations.map_err(|error| match error {
+                    FactorsError::Walk(error) => walking::with_hint(error),
+                    other => other.into(),
+                })?;
+                Ok(Some((activations, machine)))
+            }
+        }
+    }
 }
 
 /// The profile called `name` in `path`, or the only one with enough muscles.

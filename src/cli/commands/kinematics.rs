@@ -31,10 +31,11 @@ pub fn run(context: &Context, arguments: &KinematicsArguments) -> anyhow::Result
         return finish::print(context, &folder, &manifest, &table);
     }
     let mut measured = Vec::new();
-    let seconds = movement.each(context, "kinematics", |movements| {
+    let seconds = movement.each(context, &folder, |movements| {
         measured.push(kinematics::measure(movements, movement.episodes).map_err(hinted)?);
         Ok(())
     })?;
+    let Some(seconds) = seconds else { return Ok(Outcome::Done) };
     let mut output = Output::new(&folder);
     output.tidy("dimensionality", &kinematics::dimensionality_table(&measured)?)?;
     output.tidy("cumulative_variance", &kinematics::cumulative_table(&measured)?)?;

@@ -6,12 +6,10 @@ use serde_json::{Map, Value, json};
 use crate::cli::context::{Context, Outcome};
 use crate::cli::finish::{self, Output};
 use crate::cli::laboratory::{Defaults, Laboratory, PlayArguments};
-use crate::cli::progress::Progress;
 use crate::cli::render::{self, Align};
+use crate::cli::sweep;
 use crate::experiment::recording::{self, Source};
-use crate::experiment::seed;
 use crate::record::Format;
-use crate::sim::rollout::{self, Channels, RolloutPlan};
 
 /// Arguments of `rollout`.
 #[derive(Debug, Args)]
@@ -61,17 +59,15 @@ pub fn run(context: &Context, arguments: &RolloutArguments) -> anyhow::Result<Ou
     if let Some(manifest) = finished {
         return finish::print(context, &folder, &manifest, &table);
     }
-    let total = laboratory.tasks.len() * laboratory.episodes;
-    let progress = Progress::start(context, "rollout", "episodes", total as u64);
+    let arms = laboratory.recorded_arms();
+    let Some((played, seconds)) = sweep::play(context, &folder, &laboratory, &laboratory, arms)?
+    else {
+        return Ok(Outcome::Done);
+    };
     let mut output = Output::new(&folder);
     let mut tasks = Map::new();
-    for task in &laboratory.tasks {
-        let plan = RolloutPlan { channels: Channels::All, ..laboratory.plan(task) };
-        let specs: Vec<_> = (0..laboratory.episodes)
-            .map(|i| seed::episode(laboratory.seed, task.name, i, None))
-            .collect();
-        let episodes = rollout::play(&laboratory.machine, &plan, &specs, &|_| progress.advance(1))?;
-        let names = rollout::channel_names(&laboratory.machine, task)?;
+    for (place, task) in laboratory.tasks.iter().enumerate() {
+        let (names, episodes) = laboratory.recorded(&played, place)?;
         let steps: usize = episodes.iter().map(|episode| episode.steps).sum();
         let diverged: usize = episodes.iter().map(|episode| episode.diverged_steps).sum();
         let solved: usize = episodes.iter().map(|episode| episode.solved_steps).sum();
@@ -81,18 +77,12 @@ pub fn run(context: &Context, arguments: &RolloutArguments) -> anyhow::Result<Ou
             "solved_fraction": solved as f64 / (episodes.len() * task.horizon) as f64,
             "diverged_steps": diverged,
         });
-        let source = Source {
-            task,
-            policy: &laboratory.policy.name,
-            mode: laboratory.mode,
-            seed: laboratory.seed,
-            metadata: folder.provenance().into_iter().collect(),
-        };
+        let metadata = folder.provenance().into_iter().collect();
+        let source = Source { metadata, ..laboratory.source(task) };
         let recording = recording::recording(source, &names, episodes);
         entry["files"] = output.recording(task.name, recording, &formats)?.into();
         tasks.insert(task.name.to_owned(), entry);
     }
-    let seconds = progress.finish();
     let manifest = output.finish(&laboratory, json!({"tasks": tasks}), seconds)?;
     finish::print(context, &folder, &manifest, &table)
 }

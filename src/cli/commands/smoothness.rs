@@ -87,10 +87,11 @@ pub fn run(context: &Context, arguments: &SmoothnessArguments) -> anyhow::Result
         return finish::print(context, &folder, &manifest, &table);
     }
     let mut measured = Vec::new();
-    let seconds = movement.each(context, "smoothness", |movements| {
+    let seconds = movement.each(context, &folder, |movements| {
         measured.push(smoothness::measure(movements, &plan).map_err(hinted)?);
         Ok(())
     })?;
+    let Some(seconds) = seconds else { return Ok(Outcome::Done) };
     let result = SmoothnessResult::of(measured).map_err(hinted)?;
     let mut output = Output::new(&folder);
     output.tidy("per_episode", &result.episode_table()?)?;

@@ -10,13 +10,13 @@ use crate::analysis::signal::LowPassOptions;
 use crate::assets::platform;
 use crate::cli::context::Context;
 use crate::cli::laboratory::{Defaults, Laboratory, PlayArguments};
-use crate::cli::progress::Progress;
 use crate::cli::render::Hinted;
+use crate::cli::sweep;
 use crate::experiment::recording::{self, Source};
-use crate::experiment::seed;
+use crate::experiment::run_folder::RunFolder;
 use crate::experiment::walking::{Walk, WalkError, WalkOptions, read_walk};
 use crate::record::names;
-use crate::sim::rollout::{self, ActionMode, Channels, RolloutPlan};
+use crate::sim::rollout::ActionMode;
 
 /// Tasks in which a policy walks ahead.
 const TASKS: [&str; 2] = ["kinesis_moving_goal", "kinesis_forward"];
@@ -152,53 +152,95 @@ pub(super) fn labelled(text: &str) -> Result<Labelled, String> {
     Ok(Labelled { label, path: path.into() })
 }
 
-/// Walks, and what decided them.
+/// Walks that can be had: those of recordings, and those of a policy that plays.
 pub(super) struct Walks {
-    pub(super) all: Vec<Walk>,
+    recorded: Vec<Walk>,
+    laboratory: Option<Laboratory>,
+    options: WalkOptions,
     /// For the run's key.
     pub(super) plan: Value,
     /// What decides nothing.
-    pub(super) machine: Value,
+    machine: Value,
 }
 
-/// Reads the `recordings`, then plays the policy if one was named.
-pub(super) fn gather(
-    context: &Context,
-    recordings: &[Labelled],
-    play: &PlayArguments,
-    options: &WalkOptions,
-) -> anyhow::Result<Walks> {
-    let mut walks = Vec::new();
-    let mut plan = Vec::new();
-    for Labelled { label, path } in recordings {
-        let (walk, hash) = read_walk(path, label, options).map_err(with_hint)?;
-        plan.push(json!({"label": label, "blake3": hash}));
-        walks.push(walk);
+impl Walks {
+    /// Reads the `recordings`, and opens the policy if one was named.
+    pub(super) fn open(
+        context: &Context,
+        recordings: &[Labelled],
+        play: &PlayArguments,
+        options: &WalkOptions,
+    ) -> anyhow::Result<Self> {
+        let mut recorded = Vec::new();
+        let mut plan = Vec::new();
+        for Labelled { label, path } in recordings {
+            let (walk, hash) = read_walk(path, label, options).map_err(with_hint)?;
+            plan.push(json!({"label": label, "blake3": hash}));
+            recorded.push(walk);
+        }
+        let machine = json!({
+            "recordings": recordings.iter().map(|r| &r.path).collect::<Vec<_>>(),
+            "platform": platform::describe_here(),
+            "command_line": std::env::args().collect::<Vec<_>>().join(" "),
+        });
+        let mut plan = json!({ "recordings": plan });
+        let mut laboratory = None;
+        if play.names_policy() {
+            let mode = Some(ActionMode::Stochastic);
+            let defaults = Defaults { tasks: TASKS[0], episodes: EPISODES, mode };
+            let opened = Laboratory::open(context, play, defaults)?;
+            check_walking(&opened)?;
+            plan["play"] = opened.decides();
+            laboratory = Some(opened);
+        }
+        Ok(Self { recorded, laboratory, options: options.clone(), plan, machine })
     }
-    let mut machine = json!({
-        "recordings": recordings.iter().map(|r| &r.path).collect::<Vec<_>>(),
-        "platform": platform::describe_here(),
-        "command_line": std::env::args().collect::<Vec<_>>().join(" "),
-    });
-    let mut plan = json!({ "recordings": plan });
-    if play.names_policy() {
-        let mode = Some(ActionMode::Stochastic);
-        let defaults = Defaults { tasks: TASKS[0], episodes: EPISODES, mode };
-        let laboratory = Laboratory::open(context, play, defaults)?;
-        let (played, seconds) = played(context, &laboratory, options)?;
-        walks.extend(played);
+
+    /// Whose walks they are.
+    pub(super) fn names(&self) -> Vec<String> {
+        let recorded = self.recorded.iter().map(|walk| walk.policy.clone());
+        let played = self.laboratory.iter().flat_map(|laboratory| {
+            laboratory.tasks.iter().map(|task| name_of(laboratory, task.name))
+        });
+        recorded.chain(played).collect()
+    }
+
+    /// All walks, and what decides nothing about them; none if only a part of the playing was to be done.
+    pub(super) fn all(
+        self,
+        context: &Context,
+        folder: &RunFolder,
+    ) -> anyhow::Result<Option<(Vec<Walk>, Value)>> {
+        let Self { recorded: mut walks, laboratory, options, mut machine, .. } = self;
+        let Some(laboratory) = laboratory else {
+            sweep::nothing_to_play(context)?;
+            return Ok(Some((walks, machine)));
+        };
+        let arms = laboratory.recorded_arms();
+        let Some((played, seconds)) = sweep::play(context, folder, &laboratory, &laboratory, arms)?
+        else {
+            return Ok(None);
+        };
+        for (place, task) in laboratory.tasks.iter().enumerate() {
+            let (names, episodes) = laboratory.recorded(&played, place)?;
+            let policy = name_of(&laboratory, task.name);
+            let source = Source { policy: &policy, ..laboratory.source(task) };
+            let recording = recording::recording(source, &names, episodes);
+            walks.push(Walk::of(&recording, &policy, &options)?);
+        }
         machine["play"] = laboratory.circumstances(seconds);
-        plan["play"] = laboratory.decides();
+        Ok(Some((walks, machine)))
     }
-    Ok(Walks { all: walks, plan, machine })
 }
 
-/// Plays the walking tasks of `laboratory`.
-fn played(
-    context: &Context,
-    laboratory: &Laboratory,
-    options: &WalkOptions,
-) -> anyhow::Result<(Vec<Walk>, f64)> {
+/// What the walk of a task is called: as the policy, unless it walks in several.
+fn name_of(laboratory: &Laboratory, task: &str) -> String {
+    let policy = &laboratory.policy.name;
+    if laboratory.tasks.len() == 1 { policy.clone() } else { format!("{policy}:{task}") }
+}
+
+/// Whether the tasks are walks, and the episodes differ.
+fn check_walking(laboratory: &Laboratory) -> anyhow::Result<()> {
     if let Some(task) = laboratory.tasks.iter().find(|task| !TASKS.contains(&task.name)) {
         return Err(Hinted::new(
             format!("nobody walks ahead in `{}`", task.name),
@@ -215,31 +257,7 @@ fn played(
             "`--stochastic`, `--action-noise 0.1`, or `--episodes 1`",
         ));
     }
-    let total = laboratory.tasks.len() * laboratory.episodes;
-    let progress = Progress::start(context, "walk", "episodes", total as u64);
-    let mut walks = Vec::new();
-    for task in &laboratory.tasks {
-        let plan = RolloutPlan { channels: Channels::All, ..laboratory.plan(task) };
-        let specs: Vec<_> = (0..laboratory.episodes)
-            .map(|i| seed::episode(laboratory.seed, task.name, i, None))
-            .collect();
-        let episodes = rollout::play(&laboratory.machine, &plan, &specs, &|_| progress.advance(1))?;
-        let names = rollout::channel_names(&laboratory.machine, task)?;
-        let policy = if laboratory.tasks.len() == 1 {
-            laboratory.policy.name.clone()
-        } else {
-            format!("{}:{}", laboratory.policy.name, task.name)
-        };
-        let source = Source {
-            task,
-            policy: &policy,
-            mode: laboratory.mode,
-            seed: laboratory.seed,
-            metadata: std::collections::BTreeMap::new(),
-        };
-        walks.push(Walk::of(&recording::recording(source, &names, episodes), &policy, options)?);
-    }
-    Ok((walks, progress.finish()))
+    Ok(())
 }
 
 /// A fault of a walk with what to do about it.

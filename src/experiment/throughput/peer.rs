@@ -1,5 +1,6 @@
 //! The same networks in `PyTorch`, timed by a script that the program carries, where Python and `torch` are installed.
 
+use std::collections::BTreeMap;
 use std::process::{Command, Stdio};
 
 use serde::Deserialize;
@@ -54,10 +55,23 @@ pub struct PeerRow {
     pub body: String,
     /// Observations per call.
     pub batch: usize,
-    /// Time per observation, ms, of the faster way of writing it.
-    pub milliseconds: f64,
-    /// Which way that was: `modules` or `functions`.
-    pub fastest: String,
+    /// Time per observation of every way of writing it, ms.
+    pub milliseconds: BTreeMap<String, f64>,
+}
+
+impl PeerRow {
+    /// Time per observation as the published code is written, ms.
+    #[must_use]
+    pub fn published(&self) -> Option<f64> {
+        self.milliseconds.get("published").copied()
+    }
+
+    /// The fastest way and its time per observation, ms.
+    #[must_use]
+    pub fn best(&self) -> Option<(&str, f64)> {
+        let times = self.milliseconds.iter().map(|(way, &time)| (way.as_str(), time));
+        times.min_by(|(_, a), (_, b)| a.total_cmp(b))
+    }
 }
 
 /// Times `networks` on `bodies` on one thread, spending `seconds` on each combination.
@@ -76,6 +90,7 @@ pub fn measure(
             "heads": network.sizes.heads,
             "feed_forward": network.sizes.feed_forward,
             "lags": network.sizes.lags,
+            "vocabulary": network.sizes.vocabulary,
         })).collect::<Vec<_>>(),
         "bodies": bodies.iter().map(|body| serde_json::json!({
             "name": body.name, "sensors": body.sensors, "muscles": body.muscles,

@@ -1,12 +1,10 @@
-//! Loops over whole rows that surround the matrix products: bias, rectifier, exponential, sums.
+//! Loops over whole rows that surround the matrix products: exponential and sums.
 //!
 //! They are plain loops over lanes of sixteen, compiled for the widest vector instructions the machine has and chosen
 //! at run time by [`vectorised`]. Sums keep sixteen partial sums and fold them in one fixed order, so a row's result
 //! depends on the row alone: not on its address, its neighbours or the thread.
 
 #![expect(clippy::inline_always, reason = "`vectorised` compiles only what is inlined into it")]
-
-use faer::traits::pulp;
 
 /// Partial results kept side by side; a multiple of every vector width in use.
 const LANES: usize = 16;
@@ -15,36 +13,6 @@ const LANES: usize = 16;
 #[inline]
 pub(super) fn vectorised<R>(work: impl FnOnce() -> R) -> R {
     pulp::Arch::new().dispatch(work)
-}
-
-/// Adds `row` to every row of `matrix`.
-pub(super) fn add_to_rows(matrix: &mut [f32], row: &[f32]) {
-    vectorised(
-        #[inline(always)]
-        || {
-            for target in matrix.chunks_exact_mut(row.len()) {
-                for (x, &b) in target.iter_mut().zip(row) {
-                    *x += b;
-                }
-            }
-        },
-    );
-}
-
-/// Adds `row` to every row of `matrix`, then replaces negative elements by zero.
-pub(super) fn add_to_rows_and_rectify(matrix: &mut [f32], row: &[f32]) {
-    vectorised(
-        #[inline(always)]
-        || {
-            for target in matrix.chunks_exact_mut(row.len()) {
-                for (x, &b) in target.iter_mut().zip(row) {
-                    let sum = *x + b;
-                    // A NaN stays a NaN, as in the reference: `sum <= 0` is false for it.
-                    *x = if sum <= 0.0 { 0.0 } else { sum };
-                }
-            }
-        },
-    );
 }
 
 /// Sum of `term(x)` over a row.
@@ -87,7 +55,7 @@ pub(super) fn dot(left: &[f32], right: &[f32]) -> f32 {
 /// Replaces a row of scores, in units of ln 2, by `2^(score − largest)` and returns the sum: the softmax before its
 /// division.
 #[inline(always)]
-pub(super) fn exponentiate(row: &mut [f32]) -> f32 {
+pub(crate) fn exponentiate(row: &mut [f32]) -> f32 {
     let (chunks, rest) = row.as_chunks::<LANES>();
     let mut largest = [f32::NEG_INFINITY; LANES];
     for chunk in chunks {
@@ -194,13 +162,5 @@ mod tests {
             assert_eq!(dot(row, row).to_bits(), reference.0.to_bits());
             assert_eq!(sum_of(row, |x| x).to_bits(), reference.1.to_bits());
         }
-    }
-
-    #[test]
-    fn a_nan_survives_the_rectifier() {
-        let mut row = [f32::NAN, -1.0, 2.0];
-        add_to_rows_and_rectify(&mut row, &[0.0, 0.0, 1.0]);
-        assert!(row[0].is_nan());
-        assert_eq!(row[1..], [0.0, 3.0]);
     }
 }

@@ -7,7 +7,7 @@ use super::weights::Weights;
 use crate::policy::PolicyError;
 
 /// Rows that pass through a feed-forward branch together, so that their wide middle stays in the cache.
-const FEED_FORWARD_BLOCK: usize = 96;
+const FEED_FORWARD_BLOCK: usize = 48;
 
 /// Sizes of one transformer, read off its tensors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -90,7 +90,7 @@ impl Scratch {
             queries: zeros(sizes.width),
             mixed: zeros(sizes.width),
             hidden: vec![0.0; FEED_FORWARD_BLOCK * sizes.feed_forward],
-            attention: AttentionScratch::new(rows),
+            attention: AttentionScratch::new(rows, sizes.width / sizes.heads),
         }
     }
 }

@@ -1,7 +1,5 @@
 //! A plain multilayer perceptron: dense layers with one activation between them.
 
-use statrs::function::erf::erf;
-
 use super::linear::Linear;
 use super::weights::Weights;
 use crate::policy::PolicyError;
@@ -36,7 +34,7 @@ impl Mlp {
             layers.push(Linear::read(weights, name, width, outputs)?);
             width = outputs;
         }
-        Ok(Self { layers, activation: function_of(activation), activates_last })
+        Ok(Self { layers, activation: activation.function(), activates_last })
     }
 
     /// Length of the output for an input of length `inputs`.
@@ -72,22 +70,6 @@ impl Mlp {
             Some(last) => &current[..last.outputs()],
             None => row,
         }
-    }
-}
-
-/// The function of that name.
-fn function_of(activation: Activation) -> fn(f32) -> f32 {
-    match activation {
-        // A NaN stays a NaN.
-        Activation::Relu => |x| if x <= 0.0 { 0.0 } else { x },
-        Activation::Tanh => f32::tanh,
-        Activation::Elu => |x| if x > 0.0 { x } else { x.exp_m1() },
-        Activation::Silu => |x| x / (1.0 + (-x).exp()),
-        // x Φ(x) with the normal distribution function, torch's default form.
-        Activation::Gelu => |x| {
-            let x = f64::from(x);
-            (0.5 * x * (1.0 + erf(x * std::f64::consts::FRAC_1_SQRT_2))) as f32
-        },
     }
 }
 

@@ -121,6 +121,12 @@ impl SynergyProjection {
         self.synergies.len() / self.muscles
     }
 
+    /// Number of muscles, i.e. the length of an excitation.
+    #[must_use]
+    pub fn muscle_count(&self) -> usize {
+        self.muscles
+    }
+
     /// Length of the scratch memory that [`Self::apply`] needs.
     #[must_use]
     pub fn scratch_length(&self) -> usize {

@@ -1,0 +1,132 @@
+//! A run on disk, so that it goes on after a kill as if nothing had happened.
+//!
+//! `state.npz` holds everything: parameters, what the optimiser remembers, statistics of observations and rewards, and for
+//! every environment the number of its episode with the actions so far, which [`super::body`] plays again. It is written at
+//! the end of an iteration, in one step; streams of random numbers need no state, because every iteration and every episode
+//! has its own.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::TrainError;
+use super::adam::{Adam, AdamSettings};
+use super::body::FinishedEpisode;
+use super::reward_normaliser::Returns;
+use super::trainer::Trainer;
+use crate::npz::{Array, Arrays, Elements, Member, write_npz};
+use crate::policy::checkpoint::contents::{Tensor, TensorMap};
+
+/// What the names of the optimiser's tensors begin with.
+const OPTIMISER: &str = "optimiser.";
+/// What the names of parameters begin with.
+const PARAMETER: &str = "parameter.";
+
+impl Trainer {
+    /// Writes the run as it is.
+    pub fn save(&self, path: &Path) -> Result<(), TrainError> {
+        let mut members = BTreeMap::new();
+        let mut add = |name: &str, shape: Vec<usize>, elements: Elements| {
+            members.insert(name.to_owned(), Member::Numbers(Array { shape, elements }));
+        };
+        let counters = [self.iteration as i64, self.steps as i64, self.adam.steps() as i64];
+        add("counters", vec![3], Elements::I64(counters.to_vec()));
+        let parameters = self.network.parameters();
+        let tensors = parameters.tensors_of(parameters.numbers(), PARAMETER).into_iter();
+        let remembered = self.adam.tensors(parameters).into_iter();
+        let remembered = remembered.map(|(name, tensor)| (format!("{OPTIMISER}{name}"), tensor));
+        for (name, tensor) in tensors.chain(remembered) {
+            add(&name, tensor.shape, Elements::F32(tensor.data));
+        }
+        let observations = &self.collector.observations;
+        let row = |numbers: Vec<f64>| (vec![numbers.len()], Elements::F64(numbers));
+        let [mean, variance, count] = observations.numbers();
+        for (name, numbers) in [
+            ("observation_mean", mean),
+            ("observation_variance", variance),
+            ("observation_count", count),
+            ("returns", self.collector.rewards.returns().to_vec()),
+            ("recent_rewards", self.recent.iter().map(|episode| episode.reward).collect()),
+        ] {
+            let (shape, elements) = row(numbers);
+            add(name, shape, elements);
+        }
+        let statistics = self.collector.rewards.statistics();
+        let numbers = statistics.iter().flat_map(|s| [s.mean, s.variance, s.count]).collect();
+        add("return_statistics", vec![statistics.len(), 3], Elements::F64(numbers));
+        let lengths = self.recent.iter().map(|episode| episode.steps as i64).collect();
+        add("recent_steps", vec![self.recent.len()], Elements::I64(lengths));
+        let bodies = &self.collector.bodies;
+        let episodes = bodies.iter().map(|body| body.episode as i64).collect();
+        add("episodes", vec![bodies.len()], Elements::I64(episodes));
+        for (seat, body) in bodies.iter().enumerate() {
+            let shape = vec![body.executed.len() / body.muscles(), body.muscles()];
+            let elements = Elements::F32(body.executed.clone());
+            add(&format!("executed.{seat}"), shape, elements);
+        }
+        Ok(write_npz(path, &members)?)
+    }
+
+    /// Goes on from what [`Self::save`] wrote. The plan must be the same, apart from its length.
+    pub fn restore(&mut self, path: &Path) -> Result<(), TrainError> {
+        let arrays = Arrays::open(path)?;
+        let counters = whole_numbers(&arrays, "counters")?;
+        let &[iteration, steps, updates] = counters.as_slice() else {
+            return Err(broken("counters"));
+        };
+        let tensors = |prefix: &str| -> TensorMap {
+            let with = arrays.0.iter().filter_map(|(name, array)| {
+                let tensor = Tensor { shape: array.shape.clone(), data: array.to_f32() };
+                Some((name.strip_prefix(prefix)?.to_owned(), tensor))
+            });
+            with.collect()
+        };
+        self.network.parameters_mut().read(&tensors(PARAMETER))?;
+        self.adam = Adam::restore(
+            AdamSettings::default(),
+            self.network.parameters(),
+            updates,
+            &tensors(OPTIMISER),
+        )?;
+        let numbers = |name: &str| Ok::<_, TrainError>(arrays.get(name)?.to_f64());
+        self.collector.observations.restore([
+            numbers("observation_mean")?,
+            numbers("observation_variance")?,
+            numbers("observation_count")?,
+        ])?;
+        let returns = |row: &[f64]| Returns { mean: row[0], variance: row[1], count: row[2] };
+        let statistics = numbers("return_statistics")?;
+        let statistics = statistics.as_chunks::<3>().0.iter().map(|row| returns(row)).collect();
+        self.collector.rewards.restore(statistics, numbers("returns")?)?;
+        let lengths = whole_numbers(&arrays, "recent_steps")?;
+        let recent = numbers("recent_rewards")?.into_iter().zip(lengths);
+        let episode = |(reward, steps)| FinishedEpisode { reward, steps: steps as usize };
+        self.recent = recent.map(episode).collect();
+        let episodes = whole_numbers(&arrays, "episodes")?;
+        if episodes.len() != self.collector.bodies.len() {
+            return Err(broken("episodes"));
+        }
+        for (seat, (body, episode)) in self.collector.bodies.iter_mut().zip(episodes).enumerate() {
+            let executed = arrays.get(&format!("executed.{seat}"))?;
+            if executed.shape.get(1) != Some(&body.muscles()) {
+                return Err(broken("actions"));
+            }
+            body.replay(episode as usize, &executed.to_f32());
+        }
+        self.collector.look();
+        (self.iteration, self.steps) = (iteration as usize, steps);
+        Ok(())
+    }
+}
+
+fn broken(what: &str) -> TrainError {
+    TrainError::State { what: what.to_owned() }
+}
+
+fn whole_numbers(arrays: &Arrays, name: &str) -> Result<Vec<u64>, TrainError> {
+    match &arrays.get(name)?.elements {
+        Elements::I64(numbers) => {
+            numbers.iter().map(|&n| u64::try_from(n).map_err(|_| broken(name))).collect()
+        }
+        _ => Err(broken(name)),
+    }
+}

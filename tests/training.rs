@@ -1,0 +1,180 @@
+//! Training as a process: the same run gives the same bytes on any number of threads and through any kill; what it writes
+//! is read back; what makes no sense is refused with the way out.
+
+#![cfg(all(feature = "sim", feature = "parquet", feature = "figures"))]
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::process::Stdio;
+use std::time::Duration;
+
+use arnold_analyze::policy;
+use arnold_analyze::record::{Values, read_event_run, read_parquet};
+use arnold_analyze::sim::tasks;
+use common::bench::{Bench, files_below};
+use common::physics::elbow_policy;
+use serde_json::Value;
+
+/// A run so small that it takes a second: 4 environments, 16 iterations, 8 checkpoints. Episodes last over three rollouts,
+/// so that every checkpoint lies within an episode.
+const TINY: [&str; 12] = [
+    "--task",
+    "elbow_pose",
+    "--steps",
+    "2048",
+    "--checkpoint-steps",
+    "256",
+    "--evaluation-episodes",
+    "2",
+    "--envs",
+    "4",
+    "--set",
+    "rollout_steps=32",
+];
+
+fn words<'a>(regime: &'a [&'a str], threads: &'a str, out: &'a str) -> Vec<&'a str> {
+    let place = ["--threads", threads, "--out", out, "--json", "--quiet"];
+    [&["train"], regime, &TINY, &["--set", "minibatch=64", "--set", "epochs=2"], &place].concat()
+}
+
+/// All files of the run in `out`, without the event file, which holds times.
+fn files(bench: &Bench, out: &str) -> BTreeMap<String, Vec<u8>> {
+    let mut files = files_below(&bench.path(out));
+    files.retain(|name, _| !name.starts_with("events."));
+    files
+}
+
+fn assert_same(one: &BTreeMap<String, Vec<u8>>, other: &BTreeMap<String, Vec<u8>>, what: &str) {
+    assert!(one.keys().eq(other.keys()), "{what}: {:?} and {:?}", one.keys(), other.keys());
+    for (name, bytes) in one {
+        assert!(*bytes == other[name], "{what}: `{name}` has other bytes");
+    }
+}
+
+/// Whatever is trained: the same bytes with one thread and three, and after kills at any moment.
+fn same_bytes(regime: &[&str]) {
+    let bench = Bench::new();
+    bench.json(&words(regime, "1", "undisturbed"));
+    let undisturbed = files(&bench, "undisturbed");
+    assert!(undisturbed.contains_key("final_model.safetensors"), "{:?}", undisturbed.keys());
+    bench.json(&words(regime, "3", "threads"));
+    assert_same(&undisturbed, &files(&bench, "threads"), "three threads");
+    let mut wait = 40;
+    let killed = loop {
+        let mut command = bench.command(&words(regime, "2", "killed"));
+        let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        std::thread::sleep(Duration::from_millis(wait));
+        if let Some(status) = child.try_wait().unwrap() {
+            assert!(status.success());
+            break files(&bench, "killed");
+        }
+        child.kill().unwrap();
+        child.wait().unwrap();
+        // Sooner or later it lives long enough to end, wherever it was killed before.
+        wait += wait / 4 + 7;
+    };
+    let killed: BTreeMap<_, _> =
+        killed.into_iter().filter(|(name, _)| !name.starts_with(".tmp")).collect();
+    assert_same(&undisturbed, &killed, "killed again and again");
+    let events = read_event_run(&bench.path("killed")).unwrap();
+    assert!(events.damaged.is_empty());
+    let steps: Vec<i64> = events.solved().unwrap().points.iter().map(|p| p.step).collect();
+    let expected: Vec<i64> = (1..=16).map(|i| 128 * i).collect();
+    assert_eq!(steps, expected, "every iteration once");
+}
+
+#[test]
+fn a_perceptron_that_learns_from_rewards_gives_the_same_bytes_however_it_runs() {
+    same_bytes(&["ppo"]);
+}
+
+#[test]
+fn a_transformer_that_learns_from_a_teacher_gives_the_same_bytes_however_it_runs() {
+    let teacher = elbow_policy().display().to_string();
+    same_bytes(&["obc", "--network", "xs", "--teacher", &teacher]);
+}
+
+#[test]
+fn a_run_leaves_a_policy_that_plays_and_curves_that_can_be_read() {
+    let bench = Bench::new();
+    let document = bench.json(&words(&["ppo"], "2", "run"));
+    assert_eq!(document["steps"], 2048);
+    let policy = bench.path(document["policy"].as_str().unwrap());
+    let loaded = policy::open(&policy, None).unwrap();
+    assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+    let path = policy.display().to_string();
+    let play = ["--task", "elbow_pose", "--episodes", "3", "--quiet", "--json"];
+    let evaluated = bench.json(&[&["evaluate", "--policy", &path], &play[..]].concat());
+    assert_eq!(evaluated["tasks"]["elbow_pose"]["solved_fraction"]["n"], 3);
+    let (table, _) = read_parquet(&bench.path("run/curves.parquet")).unwrap();
+    assert_eq!(table.row_count(), 16);
+    let Values::Floats(solved) = &table.column("elbow_pose/solved").unwrap().values else {
+        panic!("solved fractions are numbers")
+    };
+    assert!(solved.iter().all(|x| (0.0..=1.0).contains(x)));
+    let Values::Floats(evaluated) =
+        &table.column("evaluation/elbow_pose/solved_fraction").unwrap().values
+    else {
+        panic!("evaluations are numbers")
+    };
+    assert_eq!(evaluated.iter().filter(|x| x.is_finite()).count(), 8);
+}
+
+#[test]
+fn a_finished_run_may_be_made_longer_and_a_folder_with_another_run_is_left_alone() {
+    let bench = Bench::new();
+    bench.json(&words(&["ppo"], "1", "run"));
+    let before = files(&bench, "run");
+    let refused = bench.run(&[words(&["ppo"], "1", "run"), vec!["--seed", "7"]].concat());
+    assert_eq!(refused.code, 1);
+    assert!(refused.stderr.contains("seed is 0, not 7"), "{}", refused.stderr);
+    assert_same(&before, &files(&bench, "run"), "a refused run");
+    let longer: Vec<&str> = words(&["ppo"], "1", "run")
+        .into_iter()
+        .map(|word| if word == "2048" { "2304" } else { word })
+        .collect();
+    let document = bench.json(&longer);
+    assert_eq!(document["steps"], 2304);
+}
+
+#[test]
+fn what_makes_no_sense_is_refused_with_the_way_out() {
+    let bench = Bench::new();
+    let elbow = ["--task", "elbow_pose", "--quiet"];
+    let teacher = elbow_policy().display().to_string();
+    let cases: [(&[&str], &str); 6] = [
+        (&["ppo", "--set", "discount"], "there is no `=`"),
+        (&["ppo", "--set", "discounts=1"], "there is no such constant"),
+        (&["ppo", "--set", "discount=much"], "--set discount=much"),
+        (&["ppo", "--teacher", &teacher], "asks no teacher"),
+        (&["obc"], "no teacher for `elbow_pose`"),
+        (&["obc", "--teacher", "hand_pose=x"], "`hand_pose` is not trained on"),
+    ];
+    for (words, complaint) in cases {
+        let ended = bench.run(&[&["train"], words, &elbow].concat());
+        assert_eq!(ended.code, 1, "{words:?}: {}", ended.stderr);
+        assert!(ended.stderr.contains(complaint), "{words:?}: {}", ended.stderr);
+        assert!(ended.stderr.contains("hint:"), "{words:?}: {}", ended.stderr);
+    }
+    let two = ["train", "ppo", "--task", "elbow_pose,hand_index_reach", "--quiet"];
+    let ended = bench.run(&two);
+    assert!(ended.stderr.contains("a perceptron learns one task, not 2"), "{}", ended.stderr);
+    assert!(tasks::find("elbow_pose").is_ok());
+}
+
+#[test]
+fn the_arguments_of_a_run_say_everything_that_decides_it() {
+    let bench = Bench::new();
+    let teacher = elbow_policy().display().to_string();
+    bench.json(&words(&["obc", "--teacher", &teacher], "2", "run"));
+    let bytes = std::fs::read(bench.path("run/args.json")).unwrap();
+    let arguments: Value = serde_json::from_slice(&bytes).unwrap();
+    assert_eq!(arguments["tasks"][0], "elbow_pose");
+    assert_eq!(arguments["environments"][0], 4);
+    assert_eq!(arguments["recipe"]["rollout_steps"], 32);
+    assert_eq!(arguments["recipe"]["coefficients"]["imitation"], 1.0);
+    assert_eq!(arguments["teachers"][0]["blake3"].as_str().unwrap().len(), 65);
+    assert!(arguments.get("threads").is_none());
+}
