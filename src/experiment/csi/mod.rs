@@ -17,10 +17,11 @@ mod design;
 mod report;
 mod synergies;
 
+pub use super::synergies::Scope;
 pub use bases::{CsiScene, assemble};
 pub use design::{Design, Sweeper};
 pub use report::{basis_table, curve_table, document, episode_table, figure};
-pub use synergies::{SynergyFit, SynergyOptions};
+pub use synergies::{ListedFit, SynergyFit, SynergyOptions};
 
 use crate::analysis::stats::{BootstrapOptions, Divisor, Interval, Summary, bootstrap_mean};
 use crate::analysis::subspace::{self, Dimensionality, PrincipalComponents};
@@ -75,26 +76,6 @@ impl Method {
     }
 }
 
-/// Where a basis comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Scope {
-    /// The task's own actions.
-    Task,
-    /// The actions of all tasks of the same body.
-    Pooled,
-}
-
-impl Scope {
-    /// The word in tables: `task` or `global`, as published.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Task => "task",
-            Self::Pooled => "global",
-        }
-    }
-}
-
 /// Performance and reconstruction against the number of components.
 #[derive(Debug, Clone)]
 pub struct Curve {
@@ -130,7 +111,7 @@ pub enum Bases {
     /// By the tasks whose actions made it: those of one task in the order of the tasks, then pooled ones.
     PrincipalComponents(Vec<(Scope, Vec<&'static str>, PrincipalComponents)>),
     /// The same, for every number of synergies.
-    Synergies(Vec<(Scope, Vec<&'static str>, SynergyFit)>),
+    Synergies(Vec<ListedFit>),
 }
 
 /// A whole sweep.

@@ -13,7 +13,7 @@ use crate::record::{Column, Table};
 use crate::sim::rollout::Episode;
 
 use super::super::ExperimentError;
-use super::{Bases, Csi, Curve, Method, Point, Scope, SynergyFit, TaskCsi};
+use super::{Bases, Csi, Curve, ListedFit, Method, Point, Scope, TaskCsi};
 
 /// Shares of the free policy's performance at which functional dimensionality is read.
 const PERFORMANCE_SHARES: [f64; 2] = [0.90, 0.95];
@@ -153,10 +153,7 @@ fn principal_table(
     ])?)
 }
 
-fn synergy_table(
-    csi: &Csi,
-    fits: &[(Scope, Vec<&'static str>, SynergyFit)],
-) -> Result<Table, ExperimentError> {
+fn synergy_table(csi: &Csi, fits: &[ListedFit]) -> Result<Table, ExperimentError> {
     let mut columns =
         (Vec::new(), Vec::new(), Vec::new(), Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for (scope, names, fit) in fits {

@@ -39,7 +39,7 @@ pub struct SynergyOptions {
 }
 
 /// A fit with its scope and the tasks it is of.
-pub(super) type ListedFit = (Scope, Vec<&'static str>, SynergyFit);
+pub type ListedFit = (Scope, Vec<&'static str>, SynergyFit);
 
 impl Default for SynergyOptions {
     fn default() -> Self {

@@ -154,12 +154,14 @@ pub fn read(
 /// Whose components or synergies these are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Scope {
+    /// The task's own.
     Task,
+    /// Those of all tasks of the same body.
     Pooled,
 }
 
 impl Scope {
-    /// The word in tables, as published.
+    /// The word in tables: `task` or `global`, as published.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
