@@ -49,10 +49,10 @@ impl Parameters {
         self.aliases.insert(alias, name.to_owned());
     }
 
-    /// Keeps the optimiser from the tensors for which `is_frozen` holds, and from no others.
+    /// Keeps the optimiser from the tensors for which `is_frozen` holds as well.
     pub fn freeze(&mut self, is_frozen: impl Fn(&str) -> bool) {
         for place in &mut self.tensors {
-            place.trainable = !is_frozen(&place.name);
+            place.trainable &= !is_frozen(&place.name);
         }
     }
 

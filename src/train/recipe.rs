@@ -43,6 +43,9 @@ pub struct Recipe {
     pub rewards: Rewards,
     /// Whether the teacher's actions are played rather than the student's.
     pub teacher_acts: bool,
+    /// The logarithm of an action's standard deviation over the run, if it is led there rather than learned.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub log_deviation: Option<Schedule>,
     pub network: NetworkShape,
 }
 
@@ -222,6 +225,7 @@ impl Recipe {
             normalise_rewards: true,
             rewards: Rewards::Dense,
             teacher_acts: regime == Regime::BehaviouralCloning,
+            log_deviation: None,
             network,
         }
     }

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::adam::{Adam, AdamSettings};
 use super::body::FinishedEpisode;
 use super::collector::{Collected, Collector};
-use super::recipe::Recipe;
+use super::recipe::{NetworkShape, Recipe};
 use super::streams::{Purpose, Streams};
 use super::students;
 use super::teacher::TeacherPolicy;
@@ -19,6 +19,8 @@ use crate::sim::tasks::Definition;
 
 /// Episodes that the mean return and length are taken over.
 const RECENT: usize = 100;
+/// The tensor of the exploration.
+const LOG_DEVIATION: &str = "log_std";
 
 /// Everything that decides the result of a run.
 #[derive(Debug, Clone)]
@@ -117,7 +119,15 @@ impl Trainer {
             Ok(Environment::new(task.definition, bodies, rewards)?.interface())
         });
         let interfaces = interfaces.collect::<Result<Vec<_>, TrainError>>()?;
-        let (network, statistics) = students::student(&plan.recipe.network, &interfaces, streams)?;
+        let (mut network, statistics) =
+            students::student(&plan.recipe.network, &interfaces, streams)?;
+        if plan.recipe.log_deviation.is_some() {
+            if matches!(&plan.recipe.network, NetworkShape::Perceptron(shape) if shape.lattice) {
+                let what = "the deviation of a lattice is learned, it has no schedule".to_owned();
+                return Err(TrainError::Plan { what });
+            }
+            network.parameters_mut().freeze(|name| name == LOG_DEVIATION);
+        }
         let mut collector = Collector::new(&plan, bodies, streams, network.as_ref(), statistics)?;
         collector.begin();
         let adam = Adam::new(AdamSettings::default(), network.parameters());
@@ -163,6 +173,10 @@ impl Trainer {
     pub fn iterate(&mut self, threads: usize) -> Result<Report, TrainError> {
         let recipe = &self.plan.recipe;
         let learning_rate = recipe.learning_rate.rate(self.steps, self.plan.total_steps);
+        if let Some(schedule) = &recipe.log_deviation {
+            let log = schedule.rate(self.steps, self.plan.total_steps);
+            self.network.parameters_mut().fill(LOG_DEVIATION, log as f32)?;
+        }
         let (network, steps) = (self.network.as_ref(), recipe.rollout_steps);
         let collected = self.collector.collect(network, self.iteration, steps, threads);
         let Update { losses, gradient_norm } = self.update(learning_rate, threads)?;
@@ -236,7 +250,7 @@ impl Trainer {
 
     fn deviation(&self) -> Option<f64> {
         let parameters = self.network.parameters();
-        let range = parameters.place("log_std").ok()?.range.clone();
+        let range = parameters.place(LOG_DEVIATION).ok()?.range.clone();
         let logs = &parameters.numbers()[range];
         Some(logs.iter().map(|&log| f64::from(log).exp()).sum::<f64>() / logs.len() as f64)
     }

@@ -50,7 +50,7 @@ enum What {
         #[arg(long, value_name = "FILE", default_value = "python3")]
         python: String,
     },
-    /// A whole rollout of the full-size transformer beside its parts, and two threads beside one
+    /// A whole rollout of the full-size transformer beside its parts, two threads beside one, and planned beside not
     Loop {
         /// Tasks
         #[arg(long, value_name = "NAME", num_args = 1.., value_delimiter = ',', default_value = "hand_index_reach,baoding_p1_ccw")]
@@ -261,6 +261,7 @@ fn whole_loops(
         ("forward, ms", Align::Right),
         ("loop / parts", Align::Right),
         ("two threads", Align::Right),
+        ("sweep / loop", Align::Right),
     ];
     let lines: Vec<Vec<String>> = rows
         .iter()
@@ -273,12 +274,14 @@ fn whole_loops(
                 format!("{:.3}", row.forward_milliseconds),
                 format!("{:.3}", row.overhead()),
                 format!("{:.2} ×", row.two_threads),
+                format!("{:.3}", row.sweep),
             ]
         })
         .collect();
     let text = render::table(&columns, &lines);
     render::print_text(&format!(
-        "{text}\nTimes are per control step on one thread, {} network.\n",
+        "{text}\nTimes are per control step on one thread, {} network. Sweep: planned, entered into a ledger and \
+         gathered.\n",
         network.name
     ))?;
     Ok(Outcome::Done)

@@ -1,18 +1,25 @@
 //! A rollout beside its parts: what does the loop cost that is neither physics nor forward pass?
 //!
 //! The same episodes are played three times: by the rollout loop, on one thread; as physics alone, each body fed with the actions
-//! it was given before; and as forward passes alone, as many as there were steps. Then once more by two threads.
+//! it was given before; and as forward passes alone, as many as there were steps. Then once more by two threads, and once
+//! as a sweep: planned, entered into a ledger, and put together again.
 
 use std::time::Duration;
 
 use serde::Serialize;
+use serde_json::Value;
 
+use crate::experiment::ExperimentError;
+use crate::experiment::gather::{Played, SweepError};
+use crate::experiment::plan::{Arm, Plan, Shard, Typed};
 use crate::experiment::seed;
+use crate::experiment::worker::{self, Crew, Scene};
+use crate::files;
 use crate::policy::Policy;
 use crate::sim::environment::Environment;
 use crate::sim::random::Random;
 use crate::sim::rollout::{
-    self, ActionMode, Channels, EpisodeSpec, Machine, RolloutError, RolloutPlan,
+    self, ActionMode, Channels, Episode, EpisodeSpec, Machine, RolloutError, RolloutPlan,
 };
 use crate::sim::tasks::{Definition, RewardConfiguration};
 
@@ -33,6 +40,8 @@ pub struct LoopRow {
     pub forward_milliseconds: f64,
     /// Speed of two threads over that of one.
     pub two_threads: f64,
+    /// Time of the same episodes as a sweep, on one thread, over that of the loop.
+    pub sweep: f64,
 }
 
 impl LoopRow {
@@ -50,7 +59,7 @@ pub fn measure(
     task: &'static Definition,
     episodes: usize,
     budget: Duration,
-) -> Result<LoopRow, RolloutError> {
+) -> Result<LoopRow, ExperimentError> {
     let specs: Vec<EpisodeSpec> =
         (0..episodes).map(|episode| seed::episode(0, task.name, episode, None)).collect();
     let plan = |channels| RolloutPlan {
@@ -67,7 +76,7 @@ pub fn measure(
     let steps: usize = recorded.iter().map(|episode| episode.steps).sum();
 
     let counts = plan(Channels::Counts);
-    let play = |threads| -> Result<f64, RolloutError> {
+    let play = |threads| -> Result<f64, ExperimentError> {
         rollout::play(&on(threads), &counts, &specs, &|_| ())?;
         Ok(best_time(budget, || {
             // It has just worked with the same arguments.
@@ -75,8 +84,22 @@ pub fn measure(
         }))
     };
     let (one, two) = (play(1)?, play(2)?);
+    let machine_of_one = on(1);
+    let crew = Crew {
+        machine: &machine_of_one,
+        scene: &Same(&counts),
+        goes_on: &|| true,
+        on_episode: &|| (),
+    };
+    let sweep_plan = sweep_plan(task, episodes);
+    sweep(&sweep_plan, &crew)?;
+    let sweep = best_time(budget, || {
+        // It has just worked with the same arguments.
+        let _played = sweep(&sweep_plan, &crew);
+    });
 
-    let mut environment = Environment::new(task, &machine.bodies, RewardConfiguration::Sparse)?;
+    let mut environment = Environment::new(task, &machine.bodies, RewardConfiguration::Sparse)
+        .map_err(RolloutError::from)?;
     let muscles = environment.muscles().len();
     let physics = best_time(budget, || {
         for episode in &recorded {
@@ -88,7 +111,8 @@ pub fn measure(
     });
     let interface = environment.interface();
     let forward =
-        forward::seconds_per_observation(policy, &interface, machine.batch.min(episodes), budget)?;
+        forward::seconds_per_observation(policy, &interface, machine.batch.min(episodes), budget)
+            .map_err(RolloutError::from)?;
     let per_step = 1e3 / steps as f64;
     Ok(LoopRow {
         task: task.name,
@@ -97,5 +121,44 @@ pub fn measure(
         physics_milliseconds: physics * per_step,
         forward_milliseconds: 1e3 * forward,
         two_threads: one / two,
+        sweep: sweep / one,
     })
+}
+
+/// A scene in which every arm is played alike.
+struct Same<'a>(&'a RolloutPlan<'a>);
+
+impl Scene for Same<'_> {
+    fn rollout(&self, _: &Arm) -> RolloutPlan<'_> {
+        self.0.clone()
+    }
+}
+
+/// The plan of one arm: what `evaluate` would write.
+fn sweep_plan(task: &Definition, episodes: usize) -> Plan {
+    Plan {
+        program: String::new(),
+        key: String::new(),
+        typed: Typed { words: Vec::new(), folder: "".into(), data: "".into() },
+        shared: Value::Null,
+        seed: 0,
+        policies: vec![Value::Null],
+        arms: vec![Arm {
+            stage: 0,
+            task: task.name.to_owned(),
+            policy: 0,
+            condition: Value::Null,
+            first: 0,
+            episodes,
+            channels: Channels::Counts,
+        }],
+    }
+}
+
+/// Plans, plays and puts together in a folder of its own.
+fn sweep(plan: &Plan, crew: &Crew<'_>) -> Result<Vec<Episode>, ExperimentError> {
+    let folder = files::temporary_folder(&std::env::temp_dir(), "arnold-analyze-bench")?;
+    plan.write(folder.path()).map_err(SweepError::Plan)?;
+    worker::work(plan, folder.path(), Shard::ALL, crew)?;
+    Played::complete(plan, folder.path())?.episodes(0)
 }
