@@ -112,7 +112,7 @@ fn a_norm_has_the_derivatives_of_its_differences() {
     let (mut kept, mut y) = (Normed::new(features, columns), vec![0.0; x.len()]);
     norm.apply(&x, columns, &mut kept, &mut y);
     let (mut x_slopes, mut gradient) = (vec![0.0; x.len()], vec![0.0; numbers.len()]);
-    norm.pull(&kept, &slopes, columns, count, &mut x_slopes, &mut gradient);
+    norm.pull(&kept, &slopes, columns, &mut x_slopes, &mut gradient);
     assert_close("parameter", &gradient, &differences(&numbers, |n| loss(n, &wide_x)));
     assert_close("input", &x_slopes, &differences(&x, |x| loss(&wide_numbers, x)));
 }
