@@ -20,6 +20,7 @@ impl Linear {
         Arch::new().dispatch(
             #[inline(always)]
             move || {
+                let y = y;
                 for (y, weights) in y.iter_mut().zip(weights.chunks_exact(x.len())) {
                     *y = dot(weights, x);
                 }
@@ -44,7 +45,9 @@ impl Linear {
             move || {
                 let x = x;
                 for (&y, weights) in y.iter().zip(weights.chunks_exact(x.len())) {
-                    x.iter_mut().zip(weights).for_each(|(x, w)| *x = y.mul_add(*w, *x));
+                    for (x, w) in x.iter_mut().zip(weights) {
+                        *x = y.mul_add(*w, *x);
+                    }
                 }
             },
         );
@@ -64,7 +67,9 @@ impl Linear {
             move || {
                 let sums = sums;
                 for (&m, sums) in many.iter().zip(sums.chunks_exact_mut(few.len())) {
-                    sums.iter_mut().zip(few).for_each(|(s, f)| *s = m.mul_add(*f, *s));
+                    for (s, f) in sums.iter_mut().zip(few) {
+                        *s = m.mul_add(*f, *s);
+                    }
                 }
             },
         );
