@@ -44,6 +44,10 @@ pub struct Recipe {
     /// Whether the teacher's actions are played rather than the student's.
     pub teacher_acts: bool,
     pub network: NetworkShape,
+    /// Logarithm of the standard deviation of an action that a run starts with, whatever the checkpoint has that it begins
+    /// from: imitation leaves next to nothing to explore with.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reset_deviation: Option<f64>,
 }
 
 /// What is rewarded.
@@ -114,6 +118,19 @@ pub struct PerceptronShape {
     pub log_deviation: f64,
     /// Noise on the latent vector as well as on the muscles.
     pub lattice: bool,
+    /// A control subspace that mean actions are projected onto.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub subspace: Option<SubspaceShape>,
+}
+
+/// A control subspace (`spec/policy.md` §2.4).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SubspaceShape {
+    /// Its dimensions.
+    pub size: usize,
+    /// Whether its directions and its mean are trained.
+    pub trainable: bool,
 }
 
 /// What a muscle transformer is made of.
@@ -176,6 +193,10 @@ pub enum Regime {
     OnlineBehaviouralCloning,
     /// Both that teacher and rewards.
     CloningAndRewards,
+    /// Rewards of one task, from a policy that imitated.
+    FineTuning,
+    /// Teachers who are asked, from a policy that imitated others: the fine-tuned ones among them may be its own.
+    SelfDistillation,
 }
 
 /// The published runs end with a second phase of five in fifty-five million steps.
@@ -207,6 +228,8 @@ impl Recipe {
             Regime::BehaviouralCloning | Regime::OnlineBehaviouralCloning => {
                 (cloning, SECOND_PHASE)
             }
+            Regime::FineTuning => (rewards, Schedule::Constant(2e-6)),
+            Regime::SelfDistillation => (cloning, Schedule::Constant(1e-5)),
             Regime::CloningAndRewards => (Coefficients { imitation: 1.0, ..rewards }, SECOND_PHASE),
         };
         Self {
@@ -218,11 +241,12 @@ impl Recipe {
             rollout_steps: 512,
             minibatch: 128,
             epochs: 3,
-            environments: 2,
+            environments: if regime == Regime::FineTuning { 32 } else { 2 },
             normalise_rewards: true,
             rewards: Rewards::Dense,
             teacher_acts: regime == Regime::BehaviouralCloning,
             network,
+            reset_deviation: (regime == Regime::FineTuning).then_some(-6.9),
         }
     }
 
@@ -265,6 +289,7 @@ impl Default for PerceptronShape {
             activation: Activation::Relu,
             log_deviation: 0.0,
             lattice: false,
+            subspace: None,
         }
     }
 }

@@ -8,6 +8,7 @@ use super::adam::{Adam, AdamSettings};
 use super::body::FinishedEpisode;
 use super::collector::{Collected, Collector};
 use super::recipe::Recipe;
+use super::start::Start;
 use super::streams::{Purpose, Streams};
 use super::students;
 use super::teacher::TeacherPolicy;
@@ -27,8 +28,10 @@ pub struct Plan {
     pub tasks: Vec<TaskPlan>,
     pub recipe: Recipe,
     pub seed: u64,
-    /// Control steps of all environments together.
+    /// Control steps of all environments together, on top of those that `start` has seen.
     pub total_steps: u64,
+    /// What it begins with, if not with nothing.
+    pub start: Option<Start>,
 }
 
 /// One task of a run.
@@ -42,6 +45,18 @@ pub struct TaskPlan {
 }
 
 impl Plan {
+    /// Control steps that were done before this run.
+    #[must_use]
+    pub fn first_step(&self) -> u64 {
+        self.start.as_ref().map_or(0, |start| start.steps)
+    }
+
+    /// Control steps at its end.
+    #[must_use]
+    pub fn last_step(&self) -> u64 {
+        self.first_step() + self.total_steps
+    }
+
     /// As `args.json` holds it.
     #[must_use]
     pub fn document(&self) -> Value {
@@ -49,14 +64,19 @@ impl Plan {
             let teacher = task.teacher.as_ref();
             teacher.map(|teacher| json!({"name": teacher.name, "blake3": teacher.hash}))
         };
-        json!({
+        let mut document = json!({
             "tasks": self.tasks.iter().map(|task| task.definition.name).collect::<Vec<_>>(),
             "environments": self.tasks.iter().map(|task| task.environments).collect::<Vec<_>>(),
             "teachers": self.tasks.iter().map(teacher).collect::<Vec<_>>(),
             "recipe": self.recipe,
             "seed": self.seed,
             "num_steps": self.total_steps,
-        })
+        });
+        if let (Some(start), Value::Object(all)) = (&self.start, &mut document) {
+            let start = json!({"name": start.name, "blake3": start.hash, "steps": start.steps});
+            all.insert("start".to_owned(), start);
+        }
+        document
     }
 }
 
@@ -117,10 +137,23 @@ impl Trainer {
             Ok(Environment::new(task.definition, bodies, rewards)?.interface())
         });
         let interfaces = interfaces.collect::<Result<Vec<_>, TrainError>>()?;
-        let (network, statistics) = students::student(&plan.recipe.network, &interfaces, streams)?;
+        let (mut network, mut statistics) =
+            students::student(&plan.recipe.network, &interfaces, streams)?;
+        let mut adam = Adam::new(AdamSettings::default(), network.parameters());
+        if let Some(start) = &plan.start {
+            start.write_parameters(network.parameters_mut())?;
+            adam = start.optimiser(network.parameters());
+            start.write_statistics(&mut statistics)?;
+        }
+        if let Some(log_deviation) = plan.recipe.reset_deviation {
+            network.parameters_mut().fill("log_std", log_deviation as f32)?;
+        }
         let mut collector = Collector::new(&plan, bodies, streams, network.as_ref(), statistics)?;
+        if let Some(start) = &plan.start {
+            start.write_returns(&mut collector.rewards);
+        }
         collector.begin();
-        let adam = Adam::new(AdamSettings::default(), network.parameters());
+        let steps = plan.first_step();
         Ok(Self {
             plan,
             network,
@@ -128,7 +161,7 @@ impl Trainer {
             collector,
             streams,
             iteration: 0,
-            steps: 0,
+            steps,
             recent: VecDeque::with_capacity(RECENT),
             gradient: Vec::new(),
         })
@@ -148,7 +181,7 @@ impl Trainer {
     /// Whether the run has all its steps.
     #[must_use]
     pub fn is_finished(&self) -> bool {
-        self.steps >= self.plan.total_steps
+        self.steps >= self.plan.last_step()
     }
 
     /// The policy as it is now, with its normaliser.
@@ -162,7 +195,8 @@ impl Trainer {
     /// One rollout and one update.
     pub fn iterate(&mut self, threads: usize) -> Result<Report, TrainError> {
         let recipe = &self.plan.recipe;
-        let learning_rate = recipe.learning_rate.rate(self.steps, self.plan.total_steps);
+        let done = self.steps - self.plan.first_step();
+        let learning_rate = recipe.learning_rate.rate(done, self.plan.total_steps);
         let (network, steps) = (self.network.as_ref(), recipe.rollout_steps);
         let collected = self.collector.collect(network, self.iteration, steps, threads);
         let Update { losses, gradient_norm } = self.update(learning_rate, threads)?;

@@ -23,6 +23,8 @@ use crate::train::recipe::{
     NetworkShape, PerceptronShape, Recipe, RecipeName, Regime, TransformerShape, TransformerSize,
 };
 use crate::train::run::{self, Progress, RunOptions};
+use crate::train::schedule::Schedule;
+use crate::train::start::Start;
 use crate::train::teacher::TeacherPolicy;
 use crate::train::trainer::{Plan, TaskPlan};
 
@@ -38,8 +40,18 @@ pub struct TrainArguments {
     #[arg(long, value_name = "NAME", num_args = 1.., value_delimiter = ',', required = true)]
     task: Vec<String>,
     /// Network: a perceptron for one task, or the muscle transformer in one of the published sizes
-    #[arg(long, value_name = "NAME", default_value = "mlp")]
-    network: NetworkChoice,
+    /// [default: mlp, or that of `--from`]
+    #[arg(long, value_name = "NAME", conflicts_with = "from")]
+    network: Option<NetworkChoice>,
+    /// What to begin with: the folder of a run, whose optimiser goes on as well, or a checkpoint. Tasks may be others
+    #[arg(long, value_name = "PATH")]
+    from: Option<PathBuf>,
+    /// Logarithm of the standard deviation of actions to begin with, whatever the checkpoint has
+    #[arg(long, value_name = "X", allow_negative_numbers = true)]
+    reset_std: Option<f64>,
+    /// Learning rate, the same in all steps [default: the recipe's]
+    #[arg(long, value_name = "X")]
+    learning_rate: Option<f64>,
     /// Whom to imitate: a policy as `--policy` of other commands names it, or `TASK=POLICY` for one task
     #[arg(long, value_name = "[TASK=]POLICY", num_args = 1..)]
     teacher: Vec<String>,
@@ -87,6 +99,10 @@ enum RegimeChoice {
     Obc,
     /// Both that teacher and rewards
     ObcPpo,
+    /// Rewards of one task, from a policy that imitated (`--from`)
+    FineTune,
+    /// Teachers who are asked, from a policy that imitated others (`--from`)
+    Distill,
 }
 
 impl RegimeChoice {
@@ -96,6 +112,8 @@ impl RegimeChoice {
             Self::Bc => ("bc", Regime::BehaviouralCloning),
             Self::Obc => ("obc", Regime::OnlineBehaviouralCloning),
             Self::ObcPpo => ("obc-ppo", Regime::CloningAndRewards),
+            Self::FineTune => ("fine-tune", Regime::FineTuning),
+            Self::Distill => ("distill", Regime::SelfDistillation),
         }
     }
 }
@@ -137,7 +155,12 @@ impl NetworkChoice {
 /// Runs the command.
 pub fn run(context: &Context, arguments: &TrainArguments) -> anyhow::Result<Outcome> {
     let (word, regime) = arguments.regime.meaning();
-    let recipe = recipe(arguments, regime)?;
+    let start = start(context, arguments, regime)?;
+    let network = start.as_ref().map(|start| start.network.clone());
+    let network = network.unwrap_or_else(|| {
+        arguments.network.unwrap_or(NetworkChoice::Mlp).shape()
+    });
+    let recipe = recipe(arguments, regime, network)?;
     let tasks = tasks(context, arguments, recipe.environments)?;
     if !recipe.coefficients.imitates() && tasks.iter().any(|task| task.teacher.is_some()) {
         return Err(Hinted::new(
@@ -156,7 +179,14 @@ pub fn run(context: &Context, arguments: &TrainArguments) -> anyhow::Result<Outc
             ),
         ));
     }
-    let plan = Plan { tasks, recipe, seed: arguments.seed, total_steps: arguments.steps.get() };
+    if regime == Regime::FineTuning && tasks.len() > 1 {
+        return Err(Hinted::new(
+            format!("fine-tuning is of one task, not {}", tasks.len()),
+            "fine-tune a policy for each, and bring them together with `train distill`",
+        ));
+    }
+    let (seed, total_steps) = (arguments.seed, arguments.steps.get());
+    let plan = Plan { tasks, recipe, seed, total_steps, start };
     let cache = Cache::locate();
     let models = laboratory::available(context, &cache, Part::MyoSuite, Cache::myosuite)?;
     let library = laboratory::open_library(context, &cache, arguments.physics)?;
@@ -203,20 +233,58 @@ pub fn run(context: &Context, arguments: &TrainArguments) -> anyhow::Result<Outc
 }
 
 /// The recipe with everything that was asked to be otherwise.
-fn recipe(arguments: &TrainArguments, regime: Regime) -> anyhow::Result<Recipe> {
+fn recipe(
+    arguments: &TrainArguments,
+    regime: Regime,
+    network: NetworkShape,
+) -> anyhow::Result<Recipe> {
     let name = match arguments.recipe {
         RecipeChoice::Own => RecipeName::Own,
         RecipeChoice::Published => RecipeName::Published,
         RecipeChoice::Paper => RecipeName::Paper,
     };
-    let mut recipe = Recipe::new(regime, name, arguments.network.shape());
+    let mut recipe = Recipe::new(regime, name, network);
     for assignment in &arguments.set {
         recipe = changed(&recipe, assignment)?;
     }
     if let Some(environments) = arguments.envs {
         recipe.environments = environments.get();
     }
+    if let Some(rate) = arguments.learning_rate {
+        recipe.learning_rate = Schedule::Constant(rate);
+    }
+    recipe.reset_deviation = arguments.reset_std.or(recipe.reset_deviation);
     Ok(recipe)
+}
+
+/// What the run begins with, if not with nothing.
+fn start(
+    context: &Context,
+    arguments: &TrainArguments,
+    regime: Regime,
+) -> anyhow::Result<Option<Start>> {
+    let Some(path) = &arguments.from else {
+        return if matches!(regime, Regime::FineTuning | Regime::SelfDistillation) {
+            let (word, _) = arguments.regime.meaning();
+            Err(Hinted::new(
+                format!("`train {word}` goes on with a policy, and there is none"),
+                "name the folder of a run or a checkpoint with `--from`",
+            ))
+        } else {
+            Ok(None)
+        };
+    };
+    let start = Start::open(path).map_err(|error| {
+        let hint = "give the folder of a run of `train`, or a checkpoint of a transformer or a perceptron";
+        Hinted::new(error.to_string(), hint)
+    })?;
+    if !start.has_memory() {
+        context.say(&format!(
+            "warning: no state of its run lies beside `{}`; the optimiser starts anew",
+            start.name
+        ));
+    }
+    Ok(Some(start))
 }
 
 /// The tasks with their teachers.
@@ -301,7 +369,7 @@ struct Line<'a> {
 impl<'a> Line<'a> {
     fn new(context: &'a Context, plan: &Plan) -> Self {
         let tasks = plan.tasks.iter().map(|task| task.definition.name).collect();
-        let total = plan.total_steps;
+        let total = plan.last_step();
         Self { context, total, tasks, last: None, evaluation: None, steps: 0 }
     }
 
