@@ -157,8 +157,9 @@ pub struct Stored {
 
 /// Reads what [`open`] makes a policy of.
 pub fn read_stored(path: &Path) -> Result<Stored, PolicyError> {
-    let Parts { mut checkpoint, checkpoint_hash, mut normaliser, normaliser_hash, vocabulary, .. } =
-        read_parts(path, None)?;
+    let Parts {
+        mut checkpoint, checkpoint_hash, mut normaliser, normaliser_hash, vocabulary, ..
+    } = read_parts(path, None)?;
     if is_transformer(checkpoint.format) {
         check_word_count(&checkpoint, vocabulary.as_ref()).map_err(in_file(path))?;
         if let Some(vocabulary) = vocabulary {

@@ -199,6 +199,17 @@ pub enum Regime {
     SelfDistillation,
 }
 
+/// The phases of training inside a control subspace.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SubspacePhase {
+    /// Imitation in the whole space; the value is not learned.
+    Base,
+    /// Imitation inside the subspace.
+    Imitation,
+    /// Rewards inside the subspace.
+    Rewards,
+}
+
 /// The published runs end with a second phase of five in fifty-five million steps.
 const SECOND_PHASE: Schedule = Schedule::Phases { first: 1e-3, second: 1e-5, share: 1.0 / 11.0 };
 
@@ -272,6 +283,27 @@ impl Recipe {
             rewards: Rewards::Shaped,
             network,
             ..self
+        }
+    }
+
+    /// Training inside a control subspace (`spec/training.md` §5.9): sixteen environments, short rollouts, a small rate.
+    #[must_use]
+    pub fn of_subspace(phase: SubspacePhase, subspace: Option<SubspaceShape>) -> Self {
+        let shape = PerceptronShape { hidden: vec![256, 256], subspace, ..Default::default() };
+        let published = Self::published(Regime::Ppo, NetworkShape::Perceptron(shape));
+        let (policy_gradient, entropy, value, imitation) = match phase {
+            SubspacePhase::Base => (0.0, 0.0, 0.0, 1.0),
+            SubspacePhase::Imitation => (0.0, 0.0, 0.5, 1.0),
+            SubspacePhase::Rewards => (1.0, 1e-6, 0.8, 0.0),
+        };
+        let rest = published.coefficients;
+        Self {
+            coefficients: Coefficients { policy_gradient, entropy, value, imitation, ..rest },
+            rollout_steps: 128,
+            minibatch: 256,
+            epochs: 10,
+            environments: 16,
+            ..published
         }
     }
 

@@ -50,8 +50,9 @@ impl Start {
         let file = shelf::checkpoint_at(path)?;
         let stored = policy::read_stored(&file)?;
         let arguments = arguments_beside(&file)?;
-        let own: Option<NetworkShape> =
-            arguments.as_ref().and_then(|all| serde_json::from_value(all["recipe"]["network"].clone()).ok());
+        let own: Option<NetworkShape> = arguments
+            .as_ref()
+            .and_then(|all| serde_json::from_value(all["recipe"]["network"].clone()).ok());
         let network = match own {
             Some(network) => network,
             None => shape_of(&stored.checkpoint)?,
@@ -130,10 +131,9 @@ impl Start {
                 let (mean, variance) = (stored.mean.clone(), stored.variance.clone());
                 *own = RunningComponents::restore(mean, variance, count)?;
             }
-            (
-                Statistics::Signatures { statistics, .. },
-                Some(Normaliser::PerSignature(stored)),
-            ) => statistics.replace(stored)?,
+            (Statistics::Signatures { statistics, .. }, Some(Normaliser::PerSignature(stored))) => {
+                statistics.replace(stored)?
+            }
             _ => {
                 let what = "the checkpoint's normaliser is of another kind of network".to_owned();
                 return Err(TrainError::Plan { what });

@@ -306,7 +306,12 @@ impl Attention {
 }
 
 /// Softmax before its division; keys that are not looked at become zero.
-pub(super) fn exponentiate_rows(scores: &mut [f32], keys: usize, key_columns: usize, sums: &mut [f32]) {
+pub(super) fn exponentiate_rows(
+    scores: &mut [f32],
+    keys: usize,
+    key_columns: usize,
+    sums: &mut [f32],
+) {
     Arch::new().dispatch(
         #[inline(always)]
         || {

@@ -148,10 +148,8 @@ impl Lookup {
         let (shares, scores) = scratch.rows[..2 * size].split_at_mut(size);
         shares.copy_from_slice(&kept.shares[..size]);
         self.score(answer_slopes, memory, scores);
-        for (head, (scores, shares)) in scores
-            .chunks_exact_mut(self.columns)
-            .zip(shares.chunks_exact(self.columns))
-            .enumerate()
+        for (head, (scores, shares)) in
+            scores.chunks_exact_mut(self.columns).zip(shares.chunks_exact(self.columns)).enumerate()
         {
             let features = head * self.width..(head + 1) * self.width;
             let answers = kept.answers[features.clone()].iter().zip(&answer_slopes[features]);

@@ -168,8 +168,7 @@ impl Decoder {
         let layers = self.layers.iter().map(|(_, cross, feed_forward)| {
             (heads, widest) = (cross.heads, feed_forward.widen.outputs());
             let (normed, y) = (normed.clone(), zeros.clone());
-            let attention =
-                SelfOne { normed: normed.clone(), y: y.clone(), value: zeros.clone() };
+            let attention = SelfOne { normed: normed.clone(), y: y.clone(), value: zeros.clone() };
             let cross = CrossOne {
                 normed: normed.clone(),
                 y: y.clone(),
