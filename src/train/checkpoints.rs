@@ -73,6 +73,9 @@ impl Trainer {
         let &[iteration, steps, updates] = counters.as_slice() else {
             return Err(broken("counters"));
         };
+        if steps < self.plan.first_step() {
+            return Err(broken("counters"));
+        }
         let tensors = |prefix: &str| tensors_under(&arrays, prefix);
         self.network.parameters_mut().read(&tensors(PARAMETER))?;
         self.adam = Adam::restore(

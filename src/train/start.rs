@@ -21,6 +21,9 @@ use crate::policy::{self, shelf};
 use crate::sim::tasks;
 use crate::train::Parameters;
 
+/// No run is longer: so sums of step counts stay numbers.
+const MOST_STEPS: u64 = 1 << 53;
+
 /// A checkpoint to begin with.
 #[derive(Debug, Clone)]
 pub struct Start {
@@ -79,10 +82,14 @@ impl Start {
                 memory = Some(Memory { updates, optimiser, returns });
             }
         }
+        let steps = steps.unwrap_or(0);
+        if steps > MOST_STEPS {
+            return Err(TrainError::State { what: "step count".to_owned() });
+        }
         Ok(Self {
             name: file.display().to_string(),
             hash: stored.hash,
-            steps: steps.unwrap_or(0),
+            steps,
             network,
             tensors,
             normaliser: stored.normaliser,

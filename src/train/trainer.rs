@@ -54,7 +54,7 @@ impl Plan {
     /// Control steps at its end.
     #[must_use]
     pub fn last_step(&self) -> u64 {
-        self.first_step() + self.total_steps
+        self.first_step().saturating_add(self.total_steps)
     }
 
     /// As `args.json` holds it.
@@ -64,19 +64,19 @@ impl Plan {
             let teacher = task.teacher.as_ref();
             teacher.map(|teacher| json!({"name": teacher.name, "blake3": teacher.hash}))
         };
-        let mut document = json!({
+        let start = self
+            .start
+            .as_ref()
+            .map(|start| json!({"name": start.name, "blake3": start.hash, "steps": start.steps}));
+        json!({
             "tasks": self.tasks.iter().map(|task| task.definition.name).collect::<Vec<_>>(),
             "environments": self.tasks.iter().map(|task| task.environments).collect::<Vec<_>>(),
             "teachers": self.tasks.iter().map(teacher).collect::<Vec<_>>(),
             "recipe": self.recipe,
             "seed": self.seed,
             "num_steps": self.total_steps,
-        });
-        if let (Some(start), Value::Object(all)) = (&self.start, &mut document) {
-            let start = json!({"name": start.name, "blake3": start.hash, "steps": start.steps});
-            all.insert("start".to_owned(), start);
-        }
-        document
+            "start": start,
+        })
     }
 }
 

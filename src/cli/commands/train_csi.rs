@@ -28,7 +28,7 @@ use crate::policy::checkpoint::contents::{Tensor, TensorMap};
 use crate::policy::{self, Policy};
 use crate::sim::rollout::{self, ActionMode, Channels, Machine, RolloutPlan};
 use crate::sim::tasks::{Definition, RewardConfiguration};
-use crate::train::recipe::{Recipe, SubspacePhase, SubspaceShape};
+use crate::train::recipe::{NetworkShape, PerceptronShape, Recipe, SubspacePhase, SubspaceShape};
 use crate::train::run::{self, RunOptions};
 use crate::train::start::Start;
 use crate::train::trainer::{Plan, TaskPlan};
@@ -173,7 +173,11 @@ impl Bench<'_> {
         subspace: Option<SubspaceShape>,
         seat: usize,
     ) -> anyhow::Result<PathBuf> {
-        let recipe = Recipe::of_subspace(phase, subspace);
+        let mut recipe = Recipe::of_subspace(phase, subspace);
+        if let Some(NetworkShape::Perceptron(shape)) = start.as_ref().map(|start| &start.network) {
+            recipe.network =
+                NetworkShape::Perceptron(PerceptronShape { subspace, ..shape.clone() });
+        }
         let recipe = train::altered(self.arguments, recipe)?;
         let mut task = self.task.clone();
         task.environments = recipe.environments;
