@@ -53,8 +53,8 @@ fn assert_same(one: &BTreeMap<String, Vec<u8>>, other: &BTreeMap<String, Vec<u8>
     }
 }
 
-/// Whatever is trained: the same bytes with one thread and three, and after kills at any moment.
-fn same_bytes(regime: &[&str]) {
+/// Whatever is trained, after `first` steps: the same bytes with one thread and three, and after kills at any moment.
+fn same_bytes(regime: &[&str], first: i64) {
     let bench = Bench::new();
     bench.json(&words(regime, "1", "undisturbed"));
     let undisturbed = files(&bench, "undisturbed");
@@ -81,19 +81,97 @@ fn same_bytes(regime: &[&str]) {
     let events = read_event_run(&bench.path("killed")).unwrap();
     assert!(events.damaged.is_empty());
     let steps: Vec<i64> = events.solved().unwrap().points.iter().map(|p| p.step).collect();
-    let expected: Vec<i64> = (1..=16).map(|i| 128 * i).collect();
+    let expected: Vec<i64> = (1..=16).map(|i| first + 128 * i).collect();
     assert_eq!(steps, expected, "every iteration once");
 }
 
 #[test]
 fn a_perceptron_that_learns_from_rewards_gives_the_same_bytes_however_it_runs() {
-    same_bytes(&["ppo"]);
+    same_bytes(&["ppo"], 0);
 }
 
 #[test]
 fn a_transformer_that_learns_from_a_teacher_gives_the_same_bytes_however_it_runs() {
     let teacher = elbow_policy().display().to_string();
-    same_bytes(&["obc", "--network", "xs", "--teacher", &teacher]);
+    same_bytes(&["obc", "--network", "xs", "--teacher", &teacher], 0);
+}
+
+/// A column of the curves of the run in `out`.
+fn curve(bench: &Bench, out: &str, name: &str) -> Vec<f64> {
+    let (table, _) = read_parquet(&bench.path(out).join("curves.parquet")).unwrap();
+    match &table.column(name).unwrap().values {
+        Values::Floats(values) => values.clone(),
+        other => panic!("`{name}` is {other:?}"),
+    }
+}
+
+#[test]
+fn a_run_that_begins_with_another_gives_the_same_bytes_however_it_runs() {
+    let bench = Bench::new();
+    let teacher = elbow_policy().display().to_string();
+    bench.json(&words(&["obc", "--network", "xs", "--teacher", &teacher], "2", "base"));
+    let base = bench.path("base").display().to_string();
+    same_bytes(&["fine-tune", "--from", &base], 2048);
+
+    bench.json(&words(&["fine-tune", "--from", &base], "2", "fine"));
+    let (deviations, rates) =
+        (curve(&bench, "fine", "train/std"), curve(&bench, "fine", "train/learning_rate"));
+    assert!((deviations[0] / (-6.9_f64).exp() - 1.0).abs() < 1e-2, "{deviations:?}");
+    assert!(rates.iter().all(|rate| (rate - 2e-6).abs() < 1e-12), "{rates:?}");
+    let bytes = std::fs::read(bench.path("fine/args.json")).unwrap();
+    let arguments: Value = serde_json::from_slice(&bytes).unwrap();
+    assert_eq!(arguments["start"]["steps"], 2048);
+
+    // Distilling goes on where imitating ended: the first loss is that of the last, not that of a new network.
+    bench.json(&words(&["distill", "--from", &base, "--teacher", &teacher], "2", "distilled"));
+    let loss = |out| curve(&bench, out, "train/imitation_loss");
+    let (before, after) = (loss("base"), loss("distilled"));
+    let change = (after[0] - before[15]).abs();
+    assert!(change < 0.2 * (before[0] - before[15]).abs(), "{before:?} and then {after:?}");
+}
+
+#[test]
+fn a_run_that_begins_with_a_file_alone_starts_its_optimiser_anew_and_says_so() {
+    let bench = Bench::new();
+    bench.json(&words(&["ppo"], "2", "base"));
+    std::fs::copy(bench.path("base/final_model.safetensors"), bench.path("alone.safetensors"))
+        .unwrap();
+    let alone = bench.path("alone.safetensors").display().to_string();
+    let mut arguments = words(&["ppo", "--from", &alone], "2", "more");
+    arguments.retain(|word| *word != "--quiet");
+    let ended = bench.run(&arguments);
+    assert_eq!(ended.code, 0, "{}", ended.stderr);
+    assert!(ended.stderr.contains("the optimiser starts anew"), "{}", ended.stderr);
+    let refused = bench.run(&["train", "distill", "--task", "elbow_pose", "--quiet"]);
+    assert_eq!(refused.code, 1);
+    assert!(refused.stderr.contains("--from"), "{}", refused.stderr);
+}
+
+#[test]
+fn control_subspaces_leave_curves_that_can_be_drawn_whatever_the_threads() {
+    let bench = Bench::new();
+    let teacher = elbow_policy().display().to_string();
+    for threads in ["1", "2"] {
+        let numbers = ["--dimensions", "1,6", "--subspace-episodes", "4"];
+        let episodes = ["--result-episodes", "10", "--steps", "256"];
+        let regime = [&["csi", "--teacher", &teacher][..], &numbers, &episodes].concat();
+        let mut arguments = words(&regime, threads, threads);
+        let given = arguments.iter().rposition(|word| *word == "--steps").unwrap();
+        arguments.drain(given..given + 2);
+        let document = bench.json(&arguments);
+        assert_eq!(document["results"].as_array().unwrap().len(), 6);
+    }
+    let results = |out: &str| {
+        let mut files = files(&bench, out);
+        files.retain(|name, _| !name.ends_with("/args.json") && !name.contains("events."));
+        files
+    };
+    assert_same(&results("1"), &results("2"), "two threads");
+    let benchmarks = bench.path("1/benchmarks").display().to_string();
+    let drawn = ["evaluate", "--benchmarks", &benchmarks, "--out", "drawn", "--quiet", "--json"];
+    bench.json(&drawn);
+    let drawn = files_below(&bench.path("drawn"));
+    assert!(drawn.keys().any(|name| name.contains("csi")), "{:?}", drawn.keys());
 }
 
 #[test]

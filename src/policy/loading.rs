@@ -146,6 +146,30 @@ pub fn open(path: &Path, normaliser: Option<&Path>) -> Result<Loaded, PolicyErro
     })
 }
 
+/// A checkpoint as a training goes on with it: its words are the standard ones.
+#[derive(Debug, Clone)]
+pub struct Stored {
+    pub checkpoint: Checkpoint,
+    pub normaliser: Option<Normaliser>,
+    /// BLAKE3 of its files, hexadecimal.
+    pub hash: String,
+}
+
+/// Reads what [`open`] makes a policy of.
+pub fn read_stored(path: &Path) -> Result<Stored, PolicyError> {
+    let Parts {
+        mut checkpoint, checkpoint_hash, mut normaliser, normaliser_hash, vocabulary, ..
+    } = read_parts(path, None)?;
+    if is_transformer(checkpoint.format) {
+        check_word_count(&checkpoint, vocabulary.as_ref()).map_err(in_file(path))?;
+        if let Some(vocabulary) = vocabulary {
+            translate(&vocabulary, &mut checkpoint, &mut normaliser).map_err(in_file(path))?;
+        }
+    }
+    let hash = [&checkpoint_hash, normaliser_hash.as_deref().unwrap_or("")].join("+");
+    Ok(Stored { checkpoint, normaliser, hash })
+}
+
 /// Reads everything that belongs to the checkpoint `path` and sees that it agrees.
 pub(super) fn read_parts(path: &Path, normaliser: Option<&Path>) -> Result<Parts, PolicyError> {
     let limits = Limits::default();

@@ -29,7 +29,7 @@ use crate::files::FileError;
 use checkpoint::CheckpointError;
 pub use experts::open_experts;
 pub use interface::{Actor, ObservationVariant, Policy, Sampling, TaskInterface};
-pub use loading::{Loaded, Member, NO_NORMALISER, load, open};
+pub use loading::{Loaded, Member, NO_NORMALISER, Stored, load, open, read_stored};
 
 /// Why a policy cannot be read or played.
 #[derive(Debug, thiserror::Error)]

@@ -143,6 +143,21 @@ impl RunningStatistics {
         Ok(())
     }
 
+    /// Takes the statistics that were stored with a policy in the place of its own; other signatures stay as they are.
+    pub fn replace(&mut self, stored: &SignatureStatistics) -> Result<(), PolicyError> {
+        check_signature_statistics(stored, self.lags)?;
+        let lags = self.lags;
+        for (stored_row, words) in stored.signatures.iter().enumerate() {
+            let cells = self.row_of(words) * lags;
+            for lag in 0..lags {
+                self.mean[cells + lag] = stored.mean[stored_row * lags + lag].into();
+                self.variance[cells + lag] = stored.variance[stored_row * lags + lag].into();
+            }
+            self.count[cells / lags] = stored.count[stored_row];
+        }
+        Ok(())
+    }
+
     fn combine(&mut self, row: usize, mean: &[f64], variance: &[f64], count: f64) {
         let before = self.count[row];
         let total = before + count;

@@ -17,9 +17,9 @@ use crate::npz::{Array, Arrays, Elements, Member, write_npz};
 use crate::policy::checkpoint::contents::{Tensor, TensorMap};
 
 /// What the names of the optimiser's tensors begin with.
-const OPTIMISER: &str = "optimiser.";
+pub(super) const OPTIMISER: &str = "optimiser.";
 /// What the names of parameters begin with.
-const PARAMETER: &str = "parameter.";
+pub(super) const PARAMETER: &str = "parameter.";
 
 impl Trainer {
     /// Writes the run as it is.
@@ -73,13 +73,10 @@ impl Trainer {
         let &[iteration, steps, updates] = counters.as_slice() else {
             return Err(broken("counters"));
         };
-        let tensors = |prefix: &str| -> TensorMap {
-            let with = arrays.0.iter().filter_map(|(name, array)| {
-                let tensor = Tensor { shape: array.shape.clone(), data: array.to_f32() };
-                Some((name.strip_prefix(prefix)?.to_owned(), tensor))
-            });
-            with.collect()
-        };
+        if steps < self.plan.first_step() {
+            return Err(broken("counters"));
+        }
+        let tensors = |prefix: &str| tensors_under(&arrays, prefix);
         self.network.parameters_mut().read(&tensors(PARAMETER))?;
         self.adam = Adam::restore(
             AdamSettings::default(),
@@ -122,7 +119,16 @@ fn broken(what: &str) -> TrainError {
     TrainError::State { what: what.to_owned() }
 }
 
-fn whole_numbers(arrays: &Arrays, name: &str) -> Result<Vec<u64>, TrainError> {
+/// The arrays whose names begin with `prefix`, by the rest of their names.
+pub(super) fn tensors_under(arrays: &Arrays, prefix: &str) -> TensorMap {
+    let with = arrays.0.iter().filter_map(|(name, array)| {
+        let name = name.strip_prefix(prefix)?.to_owned();
+        Some((name, Tensor { shape: array.shape.clone(), data: array.to_f32() }))
+    });
+    with.collect()
+}
+
+pub(super) fn whole_numbers(arrays: &Arrays, name: &str) -> Result<Vec<u64>, TrainError> {
     match &arrays.get(name)?.elements {
         Elements::I64(numbers) => {
             numbers.iter().map(|&n| u64::try_from(n).map_err(|_| broken(name))).collect()

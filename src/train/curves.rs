@@ -27,12 +27,12 @@ pub(super) struct Curves {
 }
 
 impl Curves {
-    /// The curves in `folder` up to `steps`: what came later is forgotten.
-    pub(super) fn open(folder: &Path, steps: u64) -> Result<Self, TrainError> {
+    /// The curves in `folder` up to `steps`: what came later is forgotten. A run that began at `first` has none until then.
+    pub(super) fn open(folder: &Path, steps: u64, first: u64) -> Result<Self, TrainError> {
         let events = EventWriter::open(&folder.join(EVENTS), steps as i64, now())?;
         let table = folder.join(TABLE);
         let mut curves = Self { table, events, steps: Vec::new(), columns: Vec::new() };
-        if steps > 0 {
+        if steps > first {
             curves.read(steps as i64)?;
         }
         Ok(curves)

@@ -47,6 +47,10 @@ pub struct Recipe {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub log_deviation: Option<Schedule>,
     pub network: NetworkShape,
+    /// Logarithm of the standard deviation of an action that a run starts with, whatever the checkpoint has that it begins
+    /// from: imitation leaves next to nothing to explore with.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reset_deviation: Option<f64>,
 }
 
 /// What is rewarded.
@@ -117,6 +121,19 @@ pub struct PerceptronShape {
     pub log_deviation: f64,
     /// Noise on the latent vector as well as on the muscles.
     pub lattice: bool,
+    /// A control subspace that mean actions are projected onto.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub subspace: Option<SubspaceShape>,
+}
+
+/// A control subspace (`spec/policy.md` §2.4).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SubspaceShape {
+    /// Its dimensions.
+    pub size: usize,
+    /// Whether its directions and its mean are trained.
+    pub trainable: bool,
 }
 
 /// What a muscle transformer is made of.
@@ -179,6 +196,21 @@ pub enum Regime {
     OnlineBehaviouralCloning,
     /// Both that teacher and rewards.
     CloningAndRewards,
+    /// Rewards of one task, from a policy that imitated.
+    FineTuning,
+    /// Teachers who are asked, from a policy that imitated others: the fine-tuned ones among them may be its own.
+    SelfDistillation,
+}
+
+/// The phases of training inside a control subspace.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SubspacePhase {
+    /// Imitation in the whole space; the value is not learned.
+    Base,
+    /// Imitation inside the subspace.
+    Imitation,
+    /// Rewards inside the subspace.
+    Rewards,
 }
 
 /// The published runs end with a second phase of five in fifty-five million steps.
@@ -210,6 +242,8 @@ impl Recipe {
             Regime::BehaviouralCloning | Regime::OnlineBehaviouralCloning => {
                 (cloning, SECOND_PHASE)
             }
+            Regime::FineTuning => (rewards, Schedule::Constant(2e-6)),
+            Regime::SelfDistillation => (cloning, Schedule::Constant(1e-5)),
             Regime::CloningAndRewards => (Coefficients { imitation: 1.0, ..rewards }, SECOND_PHASE),
         };
         Self {
@@ -221,12 +255,13 @@ impl Recipe {
             rollout_steps: 512,
             minibatch: 128,
             epochs: 3,
-            environments: 2,
+            environments: if regime == Regime::FineTuning { 32 } else { 2 },
             normalise_rewards: true,
             rewards: Rewards::Dense,
             teacher_acts: regime == Regime::BehaviouralCloning,
             log_deviation: None,
             network,
+            reset_deviation: (regime == Regime::FineTuning).then_some(-6.9),
         }
     }
 
@@ -255,6 +290,27 @@ impl Recipe {
         }
     }
 
+    /// Training inside a control subspace (`spec/training.md` §5.9): sixteen environments, short rollouts, a small rate.
+    #[must_use]
+    pub fn of_subspace(phase: SubspacePhase, subspace: Option<SubspaceShape>) -> Self {
+        let shape = PerceptronShape { hidden: vec![256, 256], subspace, ..Default::default() };
+        let published = Self::published(Regime::Ppo, NetworkShape::Perceptron(shape));
+        let (policy_gradient, entropy, value, imitation) = match phase {
+            SubspacePhase::Base => (0.0, 0.0, 0.0, 1.0),
+            SubspacePhase::Imitation => (0.0, 0.0, 0.5, 1.0),
+            SubspacePhase::Rewards => (1.0, 1e-6, 0.8, 0.0),
+        };
+        let rest = published.coefficients;
+        Self {
+            coefficients: Coefficients { policy_gradient, entropy, value, imitation, ..rest },
+            rollout_steps: 128,
+            minibatch: 256,
+            epochs: 10,
+            environments: 16,
+            ..published
+        }
+    }
+
     /// γ and λ together.
     #[must_use]
     pub fn discounts(&self) -> Discount {
@@ -269,6 +325,7 @@ impl Default for PerceptronShape {
             activation: Activation::Relu,
             log_deviation: 0.0,
             lattice: false,
+            subspace: None,
         }
     }
 }

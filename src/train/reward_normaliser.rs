@@ -27,6 +27,8 @@ pub struct RewardNormaliser {
     discount: f64,
     /// Group of every environment.
     groups: Vec<usize>,
+    /// Identifier of every group.
+    identifiers: Vec<String>,
     statistics: Vec<Returns>,
     /// R of every environment.
     returns: Vec<f64>,
@@ -51,7 +53,15 @@ impl RewardNormaliser {
             discount,
             groups,
             statistics: vec![prior; known.len()],
+            identifiers: known.into_iter().map(str::to_owned).collect(),
             returns: vec![0.0; identifiers.len()],
+        }
+    }
+
+    /// Gives the group with this identifier, if it is there, the statistics of a run before.
+    pub fn set(&mut self, identifier: &str, returns: Returns) {
+        if let Some(group) = self.identifiers.iter().position(|known| known == identifier) {
+            self.statistics[group] = returns;
         }
     }
 

@@ -23,11 +23,11 @@ use crate::files;
 use crate::policy::export;
 use crate::sim::rollout::Machine;
 
-const ARGUMENTS: &str = "args.json";
-const STATE: &str = "state.npz";
+pub(super) const ARGUMENTS: &str = "args.json";
+pub(super) const STATE: &str = "state.npz";
 const FINAL: &str = "final_model.safetensors";
 /// No `args.json` is larger than this.
-const LARGEST_ARGUMENTS: u64 = 1 << 20;
+pub(super) const LARGEST_ARGUMENTS: u64 = 1 << 20;
 
 /// Where and how often.
 #[derive(Debug, Clone)]
@@ -69,7 +69,7 @@ pub fn train(
     let mut text = serde_json::to_vec_pretty(&arguments).unwrap_or_default();
     text.push(b'\n');
     files::write_atomic(&options.folder.join(ARGUMENTS), &text)?;
-    let mut curves = Curves::open(&options.folder, trainer.steps())?;
+    let mut curves = Curves::open(&options.folder, trainer.steps(), trainer.plan().first_step())?;
     let (start, first) = (Instant::now(), trainer.steps());
     while !trainer.is_finished() {
         let (before, began) = (trainer.steps(), Instant::now());

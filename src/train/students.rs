@@ -1,8 +1,8 @@
 //! The network that a recipe asks for, before its first step.
 
-use super::network::mlp::{Mlp, MlpSettings};
+use super::network::mlp::{Mlp, MlpSettings, SubspaceSettings};
 use super::network::transformer::{TaskWords, Transformer, TransformerSettings};
-use super::recipe::{NetworkShape, PerceptronShape, TransformerShape};
+use super::recipe::{NetworkShape, PerceptronShape, SubspaceShape, TransformerShape};
 use super::statistics::Statistics;
 use super::streams::{Purpose, Streams};
 use super::{TrainError, Trainable};
@@ -39,6 +39,9 @@ fn perceptron(
         activation: shape.activation,
         log_deviation: shape.log_deviation,
         lattice: shape.lattice,
+        subspace: shape
+            .subspace
+            .map(|SubspaceShape { size, trainable }| SubspaceSettings { size, trainable }),
         ..MlpSettings::default()
     };
     let network = Mlp::new(settings, &mut streams.of(Purpose::Initialisation, [0, 0]))?;

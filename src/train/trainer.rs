@@ -8,6 +8,7 @@ use super::adam::{Adam, AdamSettings};
 use super::body::FinishedEpisode;
 use super::collector::{Collected, Collector};
 use super::recipe::{NetworkShape, Recipe};
+use super::start::Start;
 use super::streams::{Purpose, Streams};
 use super::students;
 use super::teacher::TeacherPolicy;
@@ -29,8 +30,10 @@ pub struct Plan {
     pub tasks: Vec<TaskPlan>,
     pub recipe: Recipe,
     pub seed: u64,
-    /// Control steps of all environments together.
+    /// Control steps of all environments together, on top of those that `start` has seen.
     pub total_steps: u64,
+    /// What it begins with, if not with nothing.
+    pub start: Option<Start>,
 }
 
 /// One task of a run.
@@ -44,6 +47,18 @@ pub struct TaskPlan {
 }
 
 impl Plan {
+    /// Control steps that were done before this run.
+    #[must_use]
+    pub fn first_step(&self) -> u64 {
+        self.start.as_ref().map_or(0, |start| start.steps)
+    }
+
+    /// Control steps at its end.
+    #[must_use]
+    pub fn last_step(&self) -> u64 {
+        self.first_step().saturating_add(self.total_steps)
+    }
+
     /// As `args.json` holds it.
     #[must_use]
     pub fn document(&self) -> Value {
@@ -51,6 +66,10 @@ impl Plan {
             let teacher = task.teacher.as_ref();
             teacher.map(|teacher| json!({"name": teacher.name, "blake3": teacher.hash}))
         };
+        let start = self
+            .start
+            .as_ref()
+            .map(|start| json!({"name": start.name, "blake3": start.hash, "steps": start.steps}));
         json!({
             "tasks": self.tasks.iter().map(|task| task.definition.name).collect::<Vec<_>>(),
             "environments": self.tasks.iter().map(|task| task.environments).collect::<Vec<_>>(),
@@ -58,6 +77,7 @@ impl Plan {
             "recipe": self.recipe,
             "seed": self.seed,
             "num_steps": self.total_steps,
+            "start": start,
         })
     }
 }
@@ -119,7 +139,7 @@ impl Trainer {
             Ok(Environment::new(task.definition, bodies, rewards)?.interface())
         });
         let interfaces = interfaces.collect::<Result<Vec<_>, TrainError>>()?;
-        let (mut network, statistics) =
+        let (mut network, mut statistics) =
             students::student(&plan.recipe.network, &interfaces, streams)?;
         if plan.recipe.log_deviation.is_some() {
             if matches!(&plan.recipe.network, NetworkShape::Perceptron(shape) if shape.lattice) {
@@ -128,9 +148,21 @@ impl Trainer {
             }
             network.parameters_mut().freeze(|name| name == LOG_DEVIATION);
         }
+        let mut adam = Adam::new(AdamSettings::default(), network.parameters());
+        if let Some(start) = &plan.start {
+            start.write_parameters(network.parameters_mut())?;
+            adam = start.optimiser(network.parameters());
+            start.write_statistics(&mut statistics)?;
+        }
+        if let Some(log_deviation) = plan.recipe.reset_deviation {
+            network.parameters_mut().fill(LOG_DEVIATION, log_deviation as f32)?;
+        }
         let mut collector = Collector::new(&plan, bodies, streams, network.as_ref(), statistics)?;
+        if let Some(start) = &plan.start {
+            start.write_returns(&mut collector.rewards);
+        }
         collector.begin();
-        let adam = Adam::new(AdamSettings::default(), network.parameters());
+        let steps = plan.first_step();
         Ok(Self {
             plan,
             network,
@@ -138,7 +170,7 @@ impl Trainer {
             collector,
             streams,
             iteration: 0,
-            steps: 0,
+            steps,
             recent: VecDeque::with_capacity(RECENT),
             gradient: Vec::new(),
         })
@@ -158,7 +190,7 @@ impl Trainer {
     /// Whether the run has all its steps.
     #[must_use]
     pub fn is_finished(&self) -> bool {
-        self.steps >= self.plan.total_steps
+        self.steps >= self.plan.last_step()
     }
 
     /// The policy as it is now, with its normaliser.
@@ -172,9 +204,10 @@ impl Trainer {
     /// One rollout and one update.
     pub fn iterate(&mut self, threads: usize) -> Result<Report, TrainError> {
         let recipe = &self.plan.recipe;
-        let learning_rate = recipe.learning_rate.rate(self.steps, self.plan.total_steps);
+        let done = self.steps - self.plan.first_step();
+        let learning_rate = recipe.learning_rate.rate(done, self.plan.total_steps);
         if let Some(schedule) = &recipe.log_deviation {
-            let log = schedule.rate(self.steps, self.plan.total_steps);
+            let log = schedule.rate(done, self.plan.total_steps);
             self.network.parameters_mut().fill(LOG_DEVIATION, log as f32)?;
         }
         let (network, steps) = (self.network.as_ref(), recipe.rollout_steps);

@@ -48,6 +48,8 @@ pub mod tasks;
 #[cfg(feature = "play")]
 pub mod train;
 #[cfg(feature = "play")]
+mod train_csi;
+#[cfg(feature = "play")]
 pub mod verify;
 #[cfg(feature = "play")]
 mod walking;

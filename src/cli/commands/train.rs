@@ -23,8 +23,12 @@ use crate::train::recipe::{
     NetworkShape, PerceptronShape, Recipe, RecipeName, Regime, TransformerShape, TransformerSize,
 };
 use crate::train::run::{self, Progress, RunOptions};
+use crate::train::schedule::Schedule;
+use crate::train::start::Start;
 use crate::train::teacher::TeacherPolicy;
 use crate::train::trainer::{Plan, TaskPlan};
+
+use super::train_csi::{self, CsiArguments};
 
 /// How often a line is printed.
 const LINE_INTERVAL: Duration = Duration::from_secs(30);
@@ -38,8 +42,18 @@ pub struct TrainArguments {
     #[arg(long, value_name = "NAME", num_args = 1.., value_delimiter = ',', required = true)]
     task: Vec<String>,
     /// Network: a perceptron for one task, or the muscle transformer in one of the published sizes
-    #[arg(long, value_name = "NAME", default_value = "mlp")]
-    network: NetworkChoice,
+    /// [default: mlp, or that of `--from`]
+    #[arg(long, value_name = "NAME", conflicts_with = "from")]
+    network: Option<NetworkChoice>,
+    /// What to begin with: the folder of a run, whose optimiser goes on as well, or a checkpoint. Tasks may be others
+    #[arg(long, value_name = "PATH")]
+    pub(super) from: Option<PathBuf>,
+    /// Logarithm of the standard deviation of actions to begin with, whatever the checkpoint has
+    #[arg(long, value_name = "X", allow_negative_numbers = true)]
+    reset_std: Option<f64>,
+    /// Learning rate, the same in all steps [default: the recipe's]
+    #[arg(long, value_name = "X")]
+    learning_rate: Option<f64>,
     /// Whom to imitate: a policy as `--policy` of other commands names it, or `TASK=POLICY` for one task
     #[arg(long, value_name = "[TASK=]POLICY", num_args = 1..)]
     teacher: Vec<String>,
@@ -51,29 +65,31 @@ pub struct TrainArguments {
     set: Vec<String>,
     /// Control steps of all environments together
     #[arg(long, value_name = "N", default_value = "1000000")]
-    steps: NonZeroU64,
+    pub(super) steps: NonZeroU64,
     /// Environments for every task that is named [default: the recipe's]
     #[arg(long, value_name = "N")]
     envs: Option<NonZeroUsize>,
     /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
-    seed: u64,
+    pub(super) seed: u64,
     /// Steps between two checkpoints
     #[arg(long, value_name = "N", default_value = "100000")]
-    checkpoint_steps: NonZeroU64,
+    pub(super) checkpoint_steps: NonZeroU64,
     /// Episodes that are played at a checkpoint to see how good the policy is
     #[arg(long, value_name = "N", default_value_t = 20)]
-    evaluation_episodes: usize,
+    pub(super) evaluation_episodes: usize,
     /// MuJoCo version
     #[arg(long, value_name = "VERSION", default_value = "2.3.7")]
-    physics: PhysicsVersion,
+    pub(super) physics: PhysicsVersion,
     /// Worker threads; results do not depend on it [default: all cores]
     #[arg(long, value_name = "N")]
     threads: Option<NonZeroUsize>,
     /// Folder of the run; one that holds this run already goes on
     /// [default: `runs/train-REGIME-TASK-seed_SEED`]
     #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    pub(super) out: Option<PathBuf>,
+    #[command(flatten)]
+    csi: CsiArguments,
 }
 
 /// What is learned from.
@@ -87,16 +103,27 @@ enum RegimeChoice {
     Obc,
     /// Both that teacher and rewards
     ObcPpo,
+    /// Rewards of one task, from a policy that imitated (`--from`)
+    FineTune,
+    /// Teachers who are asked, from a policy that imitated others (`--from`)
+    Distill,
+    /// A teacher, then the same again and rewards inside control subspaces of few dimensions
+    Csi,
 }
 
 impl RegimeChoice {
-    fn meaning(self) -> (&'static str, Regime) {
-        match self {
+    /// Its name, and what it is if it is a single run.
+    fn meaning(self) -> (&'static str, Option<Regime>) {
+        let (word, regime) = match self {
+            Self::Csi => return ("csi", None),
             Self::Ppo => ("ppo", Regime::Ppo),
             Self::Bc => ("bc", Regime::BehaviouralCloning),
             Self::Obc => ("obc", Regime::OnlineBehaviouralCloning),
             Self::ObcPpo => ("obc-ppo", Regime::CloningAndRewards),
-        }
+            Self::FineTune => ("fine-tune", Regime::FineTuning),
+            Self::Distill => ("distill", Regime::SelfDistillation),
+        };
+        (word, Some(regime))
     }
 }
 
@@ -137,7 +164,14 @@ impl NetworkChoice {
 /// Runs the command.
 pub fn run(context: &Context, arguments: &TrainArguments) -> anyhow::Result<Outcome> {
     let (word, regime) = arguments.regime.meaning();
-    let recipe = recipe(arguments, regime)?;
+    let Some(regime) = regime else {
+        return train_csi::run(context, arguments, &arguments.csi);
+    };
+    let start = start(context, arguments, regime)?;
+    let network = start.as_ref().map(|start| start.network.clone());
+    let network =
+        network.unwrap_or_else(|| arguments.network.unwrap_or(NetworkChoice::Mlp).shape());
+    let recipe = recipe(arguments, regime, network)?;
     let tasks = tasks(context, arguments, recipe.environments)?;
     if !recipe.coefficients.imitates() && tasks.iter().any(|task| task.teacher.is_some()) {
         return Err(Hinted::new(
@@ -145,30 +179,18 @@ pub fn run(context: &Context, arguments: &TrainArguments) -> anyhow::Result<Outc
             "leave `--teacher` out, or use `train obc` or `train obc-ppo`",
         ));
     }
-    if let Some(task) = tasks.iter().find(|task| task.teacher.is_none())
-        && recipe.coefficients.imitates()
-    {
-        let name = task.definition.name;
+    if recipe.coefficients.imitates() {
+        check_teachers(&tasks)?;
+    }
+    if regime == Regime::FineTuning && tasks.len() > 1 {
         return Err(Hinted::new(
-            format!("there is no teacher for `{name}`"),
-            format!(
-                "name one with `--teacher {name}=POLICY`, or one for all tasks with `--teacher POLICY`"
-            ),
+            format!("fine-tuning is of one task, not {}", tasks.len()),
+            "fine-tune a policy for each, and bring them together with `train distill`",
         ));
     }
-    let plan = Plan { tasks, recipe, seed: arguments.seed, total_steps: arguments.steps.get() };
-    let cache = Cache::locate();
-    let models = laboratory::available(context, &cache, Part::MyoSuite, Cache::myosuite)?;
-    let library = laboratory::open_library(context, &cache, arguments.physics)?;
-    let machine = Machine {
-        bodies: Arc::new(Bodies::new(library, &models, &context.data)),
-        threads: arguments.threads.map_or_else(laboratory::all_cores, NonZeroUsize::get),
-        batch: 8,
-    };
-    // Says what to fetch if a task's model is not here.
-    for task in &plan.tasks {
-        laboratory::environment(task.definition, &machine.bodies)?;
-    }
+    let (seed, total_steps) = (arguments.seed, arguments.steps.get());
+    let plan = Plan { tasks, recipe, seed, total_steps, start };
+    let machine = machine(context, arguments, &plan.tasks)?;
     let names: Vec<&str> = plan.tasks.iter().map(|task| task.definition.name).collect();
     let folder = arguments.out.clone().unwrap_or_else(|| {
         format!("runs/train-{word}-{}-seed_{}", names.join("+"), arguments.seed).into()
@@ -202,25 +224,105 @@ pub fn run(context: &Context, arguments: &TrainArguments) -> anyhow::Result<Outc
     Ok(Outcome::Done)
 }
 
-/// The recipe with everything that was asked to be otherwise.
-fn recipe(arguments: &TrainArguments, regime: Regime) -> anyhow::Result<Recipe> {
+/// Physics and models for `tasks`.
+pub(super) fn machine(
+    context: &Context,
+    arguments: &TrainArguments,
+    tasks: &[TaskPlan],
+) -> anyhow::Result<Machine> {
+    let cache = Cache::locate();
+    let models = laboratory::available(context, &cache, Part::MyoSuite, Cache::myosuite)?;
+    let library = laboratory::open_library(context, &cache, arguments.physics)?;
+    let machine = Machine {
+        bodies: Arc::new(Bodies::new(library, &models, &context.data)),
+        threads: arguments.threads.map_or_else(laboratory::all_cores, NonZeroUsize::get),
+        batch: 8,
+    };
+    // Says what to fetch if a task's model is not here.
+    for task in tasks {
+        laboratory::environment(task.definition, &machine.bodies)?;
+    }
+    Ok(machine)
+}
+
+/// Sees that every task has a teacher.
+pub(super) fn check_teachers(tasks: &[TaskPlan]) -> anyhow::Result<()> {
+    let Some(task) = tasks.iter().find(|task| task.teacher.is_none()) else { return Ok(()) };
+    let name = task.definition.name;
+    Err(Hinted::new(
+        format!("there is no teacher for `{name}`"),
+        format!(
+            "name one with `--teacher {name}=POLICY`, or one for all tasks with `--teacher POLICY`"
+        ),
+    ))
+}
+
+/// The recipe that was asked for.
+fn recipe(
+    arguments: &TrainArguments,
+    regime: Regime,
+    network: NetworkShape,
+) -> anyhow::Result<Recipe> {
     let name = match arguments.recipe {
         RecipeChoice::Own => RecipeName::Own,
         RecipeChoice::Published => RecipeName::Published,
         RecipeChoice::Paper => RecipeName::Paper,
     };
-    let mut recipe = Recipe::new(regime, name, arguments.network.shape());
+    altered(arguments, Recipe::new(regime, name, network))
+}
+
+/// A recipe with everything that was asked to be otherwise.
+pub(super) fn altered(arguments: &TrainArguments, mut recipe: Recipe) -> anyhow::Result<Recipe> {
     for assignment in &arguments.set {
         recipe = changed(&recipe, assignment)?;
     }
     if let Some(environments) = arguments.envs {
         recipe.environments = environments.get();
     }
+    if let Some(rate) = arguments.learning_rate {
+        recipe.learning_rate = Schedule::Constant(rate);
+    }
+    recipe.reset_deviation = arguments.reset_std.or(recipe.reset_deviation);
     Ok(recipe)
 }
 
+/// What the run begins with, if not with nothing.
+fn start(
+    context: &Context,
+    arguments: &TrainArguments,
+    regime: Regime,
+) -> anyhow::Result<Option<Start>> {
+    let Some(path) = &arguments.from else {
+        return if matches!(regime, Regime::FineTuning | Regime::SelfDistillation) {
+            let (word, _) = arguments.regime.meaning();
+            Err(Hinted::new(
+                format!("`train {word}` goes on with a policy, and there is none"),
+                "name the folder of a run or a checkpoint with `--from`",
+            ))
+        } else {
+            Ok(None)
+        };
+    };
+    open_start(context, path).map(Some)
+}
+
+pub(super) fn open_start(context: &Context, path: &Path) -> anyhow::Result<Start> {
+    let start = Start::open(path).map_err(|error| {
+        let hint =
+            "give the folder of a run of `train`, or a checkpoint of a transformer or a perceptron";
+        Hinted::new(error.to_string(), hint)
+    })?;
+    if !start.has_memory() {
+        context.say(&format!(
+            "warning: no state of its run lies beside `{}`; the optimiser starts anew",
+            start.name
+        ));
+    }
+    Ok(start)
+}
+
 /// The tasks with their teachers.
-fn tasks(
+pub(super) fn tasks(
     context: &Context,
     arguments: &TrainArguments,
     environments: usize,
@@ -289,7 +391,7 @@ fn changed(recipe: &Recipe, assignment: &str) -> anyhow::Result<Recipe> {
 }
 
 /// The line that says how a run goes.
-struct Line<'a> {
+pub(super) struct Line<'a> {
     context: &'a Context,
     total: u64,
     tasks: Vec<&'static str>,
@@ -299,13 +401,13 @@ struct Line<'a> {
 }
 
 impl<'a> Line<'a> {
-    fn new(context: &'a Context, plan: &Plan) -> Self {
+    pub(super) fn new(context: &'a Context, plan: &Plan) -> Self {
         let tasks = plan.tasks.iter().map(|task| task.definition.name).collect();
-        let total = plan.total_steps;
+        let total = plan.last_step();
         Self { context, total, tasks, last: None, evaluation: None, steps: 0 }
     }
 
-    fn show(&mut self, progress: &Progress<'_>) {
+    pub(super) fn show(&mut self, progress: &Progress<'_>) {
         let report = progress.report;
         self.steps = report.steps;
         if let Some(evaluation) = progress.evaluation {

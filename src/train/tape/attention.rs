@@ -6,7 +6,7 @@
 //!
 //! Queries are worked off in blocks, so that a block's scores stay in the first-level cache.
 
-use faer::traits::pulp::Arch;
+use pulp::Arch;
 
 use super::product::{Product, Start};
 use super::{LANES, lanes, turn};
@@ -40,13 +40,15 @@ pub struct Attended {
 /// Memory of one thread.
 #[derive(Debug, Clone)]
 pub struct AttentionScratch {
-    /// Queries × features of a head, or their slopes.
+    /// Queries × features of a head: queries, or slopes of them or of `O`.
     queries: Vec<f32>,
+    /// Slopes of `O` by the sums, features of a head × columns of queries.
+    divided: Vec<f32>,
     /// Keys × features of a head: keys or values.
     keys: Vec<f32>,
     /// A block of queries × features of a head.
     block: Vec<f32>,
-    /// A block of queries × keys.
+    /// Queries × keys.
     scores: Vec<f32>,
     /// One number for each query.
     factors: Vec<f32>,
@@ -70,9 +72,10 @@ impl AttentionScratch {
         let features = lanes(head_width);
         Self {
             queries: vec![0.0; columns * head_width],
+            divided: vec![0.0; columns * head_width],
             keys: vec![0.0; columns * features],
             block: vec![0.0; QUERY_BLOCK * head_width],
-            scores: vec![0.0; QUERY_BLOCK * columns],
+            scores: vec![0.0; columns * columns],
             factors: vec![0.0; columns],
             products: vec![0.0; columns],
         }
@@ -144,13 +147,11 @@ impl Attention {
                     c_stride: head_width,
                 }
                 .compute();
-                for ((query, row), sum) in
-                    (first..).zip(scratch.block.chunks_exact(head_width)).zip(sums)
-                {
-                    for (feature, &x) in row.iter().enumerate() {
-                        mixed[feature * self.query_columns + query] = x / *sum;
-                    }
+                let block = &mut scratch.block[..count * head_width];
+                for (row, sum) in block.chunks_exact_mut(head_width).zip(sums) {
+                    row.iter_mut().for_each(|x| *x /= *sum);
                 }
+                turn(block, head_width, head_width, 1.0, &mut mixed[first..], self.query_columns);
             }
         }
     }
@@ -166,7 +167,6 @@ impl Attention {
         [query_slopes, key_slopes, value_slopes]: [&mut [f32]; 3],
     ) {
         let (head_width, features) = (self.head_width(), lanes(self.head_width()));
-        let scale = 1.0 / (head_width as f32).sqrt();
         for head in 0..self.heads {
             let (query_rows, key_rows) =
                 (self.rows(head, self.query_columns), self.rows(head, self.key_columns));
@@ -176,72 +176,57 @@ impl Attention {
                 &mixed_slopes[query_rows.clone()],
             );
             let (key, value) = (&key[key_rows.clone()], &value[key_rows.clone()]);
-            let (key_slopes, value_slopes) =
-                (&mut key_slopes[key_rows.clone()], &mut value_slopes[key_rows.clone()]);
-            let query_slopes = &mut query_slopes[query_rows];
-            turn(
-                mixed_slopes,
-                self.query_columns,
-                self.queries,
-                1.0,
-                &mut scratch.queries,
-                head_width,
-            );
             turn(key, self.key_columns, self.keys, 1.0, &mut scratch.keys, features);
+            let place = head * self.queries;
+            let exponentials = &kept.exponentials[place * self.key_columns..];
             self.write_products(mixed, mixed_slopes, &mut scratch.products);
-            for first in (0..self.queries).step_by(QUERY_BLOCK) {
-                let count = QUERY_BLOCK.min(self.queries - first);
-                let place = head * self.queries + first;
-                let exponentials = &kept.exponentials[place * self.key_columns..];
-                let sums = &kept.sums[place..place + count];
-                // Rows of exponentials are not divided by their sums; so the slopes of O are.
-                for ((factor, row), sum) in scratch.factors[..count]
-                    .iter_mut()
-                    .zip(scratch.queries[first * head_width..].chunks_exact_mut(head_width))
-                    .zip(sums)
-                {
-                    *factor = 1.0 / sum;
-                    row.iter_mut().for_each(|x| *x *= *factor);
-                }
-                let start = if first == 0 { Start::Zero } else { Start::Keep };
-                let block = Block { first, count, start, head_width };
-                self.pull_value(block, exponentials, scratch, value_slopes);
-                self.pull_scores(block, exponentials, value, scale, scratch);
-                Product {
-                    rows: head_width,
-                    depth: count,
-                    columns: self.key_columns,
-                    a: &query[first..],
-                    a_stride: self.query_columns,
-                    b: &scratch.scores,
-                    b_stride: self.key_columns,
-                    start,
-                    rectify: false,
-                    c: key_slopes,
-                    c_stride: self.key_columns,
-                }
-                .compute();
-                Product {
-                    rows: count,
-                    depth: self.keys,
-                    columns: head_width,
-                    a: &scratch.scores,
-                    a_stride: self.key_columns,
-                    b: &scratch.keys,
-                    b_stride: features,
-                    start: Start::Zero,
-                    rectify: false,
-                    c: &mut scratch.block,
-                    c_stride: head_width,
-                }
-                .compute();
-                let rows = scratch.block.chunks_exact(head_width);
-                for (query, row) in (first..first + count).zip(rows) {
-                    for (feature, &x) in row.iter().enumerate() {
-                        query_slopes[feature * self.query_columns + query] = x;
-                    }
-                }
+            self.divide(mixed_slopes, &kept.sums[place..][..self.queries], scratch);
+            Product {
+                rows: head_width,
+                depth: self.queries,
+                columns: self.key_columns,
+                a: &scratch.divided,
+                a_stride: self.query_columns,
+                b: exponentials,
+                b_stride: self.key_columns,
+                start: Start::Zero,
+                rectify: false,
+                c: &mut value_slopes[key_rows.clone()],
+                c_stride: self.key_columns,
             }
+            .compute();
+            self.pull_scores(exponentials, value, scratch);
+            Product {
+                rows: head_width,
+                depth: self.queries,
+                columns: self.key_columns,
+                a: query,
+                a_stride: self.query_columns,
+                b: &scratch.scores,
+                b_stride: self.key_columns,
+                start: Start::Zero,
+                rectify: false,
+                c: &mut key_slopes[key_rows],
+                c_stride: self.key_columns,
+            }
+            .compute();
+            Product {
+                rows: self.queries,
+                depth: self.keys,
+                columns: head_width,
+                a: &scratch.scores,
+                a_stride: self.key_columns,
+                b: &scratch.keys,
+                b_stride: features,
+                start: Start::Zero,
+                rectify: false,
+                c: &mut scratch.queries,
+                c_stride: head_width,
+            }
+            .compute();
+            let query_slopes = &mut query_slopes[query_rows];
+            let rows = &scratch.queries[..self.queries * head_width];
+            turn(rows, head_width, head_width, 1.0, query_slopes, self.query_columns);
             for row in query_slopes.chunks_exact_mut(self.query_columns) {
                 row[self.queries..].fill(0.0);
             }
@@ -260,88 +245,73 @@ impl Attention {
         }
     }
 
-    /// `∂V += ∂O P` for a block of queries.
-    fn pull_value(
-        &self,
-        Block { first, count, start, head_width }: Block<'_>,
-        exponentials: &[f32],
-        scratch: &mut AttentionScratch,
-        value_slopes: &mut [f32],
-    ) {
-        // The block's slopes of O, features × queries.
-        let rows = &scratch.queries[first * head_width..(first + count) * head_width];
-        turn(rows, head_width, head_width, 1.0, &mut scratch.block, QUERY_BLOCK);
-        Product {
-            rows: head_width,
-            depth: count,
-            columns: self.key_columns,
-            a: &scratch.block,
-            a_stride: QUERY_BLOCK,
-            b: exponentials,
-            b_stride: self.key_columns,
-            start,
-            rectify: false,
-            c: value_slopes,
-            c_stride: self.key_columns,
+    /// Rows of exponentials are not divided by their sums; so the slopes of `O` are, as features × queries and turned over.
+    fn divide(&self, slopes: &[f32], sums: &[f32], scratch: &mut AttentionScratch) {
+        let AttentionScratch { queries, divided, factors, .. } = scratch;
+        let factors = &mut factors[..self.query_columns];
+        factors.fill(0.0);
+        factors.iter_mut().zip(sums).for_each(|(factor, sum)| *factor = 1.0 / sum);
+        let divided = &mut divided[..slopes.len()];
+        let rows = divided.chunks_exact_mut(self.query_columns);
+        for (row, slopes) in rows.zip(slopes.chunks_exact(self.query_columns)) {
+            for ((x, slope), factor) in row.iter_mut().zip(slopes).zip(&*factors) {
+                *x = slope * factor;
+            }
         }
-        .compute();
+        turn(divided, self.query_columns, self.queries, 1.0, queries, self.head_width());
     }
 
-    /// `∂S` for a block of queries.
-    fn pull_scores(
-        &self,
-        Block { first, count, head_width, .. }: Block<'_>,
-        exponentials: &[f32],
-        value: &[f32],
-        scale: f32,
-        scratch: &mut AttentionScratch,
-    ) {
+    /// `∂S` of all queries.
+    fn pull_scores(&self, exponentials: &[f32], value: &[f32], scratch: &mut AttentionScratch) {
+        let head_width = self.head_width();
+        let scale = 1.0 / (head_width as f32).sqrt();
         let AttentionScratch { queries, scores, factors, products, .. } = scratch;
-        let scores = &mut scores[..count * self.key_columns];
-        Product {
-            rows: count,
-            depth: head_width,
-            columns: self.key_columns,
-            a: &queries[first * head_width..],
-            a_stride: head_width,
-            b: value,
-            b_stride: self.key_columns,
-            start: Start::Zero,
-            rectify: false,
-            c: scores,
-            c_stride: self.key_columns,
-        }
-        .compute();
-        Arch::new().dispatch(
-            #[inline(always)]
-            move || {
-                let (scores, factors) = (scores, factors);
-                let rows = scores.chunks_exact_mut(self.key_columns);
-                let exponentials = exponentials.chunks_exact(self.key_columns);
-                let numbers = factors.iter().zip(&products[first..]);
-                for ((row, exponentials), (factor, product)) in rows.zip(exponentials).zip(numbers)
-                {
-                    let product = product * factor;
-                    for (score, exponential) in row.iter_mut().zip(exponentials) {
-                        *score = (*score - product) * (exponential * scale);
+        for first in (0..self.queries).step_by(QUERY_BLOCK) {
+            let count = QUERY_BLOCK.min(self.queries - first);
+            let block = first * self.key_columns..(first + count) * self.key_columns;
+            let scores = &mut scores[block.clone()];
+            Product {
+                rows: count,
+                depth: head_width,
+                columns: self.key_columns,
+                a: &queries[first * head_width..],
+                a_stride: head_width,
+                b: value,
+                b_stride: self.key_columns,
+                start: Start::Zero,
+                rectify: false,
+                c: scores,
+                c_stride: self.key_columns,
+            }
+            .compute();
+            let (exponentials, factors, products) =
+                (&exponentials[block], &factors[first..], &products[first..]);
+            Arch::new().dispatch(
+                #[inline(always)]
+                move || {
+                    let scores = scores;
+                    let rows = scores.chunks_exact_mut(self.key_columns);
+                    let rows = rows.zip(exponentials.chunks_exact(self.key_columns));
+                    let numbers = factors.iter().zip(products);
+                    for ((row, exponentials), (factor, product)) in rows.zip(numbers) {
+                        let product = product * factor;
+                        for (score, exponential) in row.iter_mut().zip(exponentials) {
+                            *score = (*score - product) * (exponential * scale);
+                        }
                     }
-                }
-            },
-        );
+                },
+            );
+        }
     }
-}
-
-/// A block of queries.
-#[derive(Clone, Copy)]
-struct Block<'a> {
-    first: usize,
-    count: usize,
-    start: Start<'a>,
-    head_width: usize,
 }
 
 /// Softmax before its division; keys that are not looked at become zero.
-fn exponentiate_rows(scores: &mut [f32], keys: usize, key_columns: usize, sums: &mut [f32]) {
+pub(super) fn exponentiate_rows(
+    scores: &mut [f32],
+    keys: usize,
+    key_columns: usize,
+    sums: &mut [f32],
+) {
     Arch::new().dispatch(
         #[inline(always)]
         || {

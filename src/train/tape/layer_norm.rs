@@ -4,20 +4,23 @@
 
 use std::ops::Range;
 
-use faer::traits::pulp::Arch;
+use pulp::Arch;
 
-use super::{LANES, sum};
+use super::{LANES, fold};
 
 /// PyTorch's default.
-const EPSILON: f32 = 1e-5;
+pub(super) const EPSILON: f32 = 1e-5;
+
+/// Columns that are worked off together: their sums stay in the first-level cache.
+const BLOCK: usize = 16 * LANES;
 
 /// A layer normalisation with the parameters of one minibatch.
 #[derive(Debug, Clone)]
 pub struct LayerNorm {
-    weight_place: Range<usize>,
-    bias_place: Range<usize>,
-    weight: Vec<f32>,
-    bias: Vec<f32>,
+    pub(super) weight_place: Range<usize>,
+    pub(super) bias_place: Range<usize>,
+    pub(super) weight: Vec<f32>,
+    pub(super) bias: Vec<f32>,
 }
 
 /// What backward needs: `x̂`, features × columns, and the factor of every column.
@@ -54,8 +57,8 @@ impl LayerNorm {
             #[inline(always)]
             move || {
                 let (kept, y) = (kept, y);
-                for first in (0..columns).step_by(LANES) {
-                    self.apply_to_lanes(x, columns, first, kept, y);
+                for first in (0..columns).step_by(BLOCK) {
+                    self.apply_to_block(x, columns, first, kept, y);
                 }
             },
         );
@@ -63,7 +66,7 @@ impl LayerNorm {
 
     #[expect(clippy::inline_always, reason = "`dispatch` compiles only what is inlined into it")]
     #[inline(always)]
-    fn apply_to_lanes(
+    fn apply_to_block(
         &self,
         x: &[f32],
         columns: usize,
@@ -71,40 +74,41 @@ impl LayerNorm {
         kept: &mut Normed,
         y: &mut [f32],
     ) {
+        let count = BLOCK.min(columns - first);
         let features = self.weight.len() as f32;
-        let mut mean = [0.0_f32; LANES];
-        for x in lanes_of(x, columns, first) {
-            mean.iter_mut().zip(x).for_each(|(m, x)| *m += x);
+        let (mut mean, mut factors) = ([0.0_f32; BLOCK], [0.0_f32; BLOCK]);
+        let (mean, factors) = (&mut mean[..count], &mut factors[..count]);
+        for x in x.chunks_exact(columns) {
+            mean.iter_mut().zip(&x[first..]).for_each(|(m, x)| *m += x);
         }
         mean.iter_mut().for_each(|m| *m /= features);
-        let mut variance = [0.0_f32; LANES];
-        for x in lanes_of(x, columns, first) {
-            for ((v, x), m) in variance.iter_mut().zip(x).zip(&mean) {
+        for x in x.chunks_exact(columns) {
+            for ((v, x), m) in factors.iter_mut().zip(&x[first..]).zip(&*mean) {
                 *v = (x - m).mul_add(x - m, *v);
             }
         }
-        let factors = variance.map(|v| 1.0 / (v / features + EPSILON).sqrt());
-        kept.factors[first..first + LANES].copy_from_slice(&factors);
-        let rows = lanes_of(x, columns, first)
-            .zip(lanes_of_mut(&mut kept.scaled, columns, first))
-            .zip(lanes_of_mut(y, columns, first));
+        factors.iter_mut().for_each(|v| *v = 1.0 / (*v / features + EPSILON).sqrt());
+        kept.factors[first..][..count].copy_from_slice(factors);
+        let rows = x.chunks_exact(columns).zip(kept.scaled.chunks_exact_mut(columns));
+        let rows = rows.zip(y.chunks_exact_mut(columns));
         for (((x, scaled), y), (w, b)) in rows.zip(self.weight.iter().zip(&self.bias)) {
-            for lane in 0..LANES {
-                let normal = (x[lane] - mean[lane]) * factors[lane];
-                scaled[lane] = normal;
-                y[lane] = normal.mul_add(*w, *b);
+            let (x, scaled, y) =
+                (&x[first..][..count], &mut scaled[first..][..count], &mut y[first..][..count]);
+            for i in 0..count {
+                let normal = (x[i] - mean[i]) * factors[i];
+                scaled[i] = normal;
+                y[i] = normal.mul_add(*w, *b);
             }
         }
     }
 
-    /// Adds the derivatives by the input to `x_slopes`, and those by the parameters, for the first `count` columns, to
-    /// `gradient`.
+    /// Adds the derivatives by the input to `x_slopes`, and those by the parameters to `gradient`. Slopes beyond the last
+    /// token are zero.
     pub fn pull(
         &self,
         kept: &Normed,
         y_slopes: &[f32],
         columns: usize,
-        count: usize,
         x_slopes: &mut [f32],
         gradient: &mut [f32],
     ) {
@@ -112,22 +116,8 @@ impl LayerNorm {
             #[inline(always)]
             move || {
                 let (x_slopes, gradient) = (x_slopes, gradient);
-                for first in (0..columns).step_by(LANES) {
-                    self.pull_lanes(kept, y_slopes, columns, first, x_slopes);
-                }
-                let rows = y_slopes.chunks_exact(columns).zip(kept.scaled.chunks_exact(columns));
-                for (feature, (slopes, scaled)) in rows.take(self.weight.len()).enumerate() {
-                    let (mut by_weight, mut by_bias) = ([0.0_f32; LANES], [0.0_f32; LANES]);
-                    // Slopes beyond the last token are zero.
-                    let slopes = slopes[..count.next_multiple_of(LANES)].as_chunks::<LANES>().0;
-                    for (slopes, scaled) in slopes.iter().zip(scaled.as_chunks::<LANES>().0) {
-                        for lane in 0..LANES {
-                            by_weight[lane] = slopes[lane].mul_add(scaled[lane], by_weight[lane]);
-                            by_bias[lane] += slopes[lane];
-                        }
-                    }
-                    gradient[self.weight_place.start + feature] += sum(&by_weight);
-                    gradient[self.bias_place.start + feature] += sum(&by_bias);
+                for first in (0..columns).step_by(BLOCK) {
+                    self.pull_block(kept, y_slopes, columns, first, x_slopes, gradient);
                 }
             },
         );
@@ -135,55 +125,49 @@ impl LayerNorm {
 
     #[expect(clippy::inline_always, reason = "`dispatch` compiles only what is inlined into it")]
     #[inline(always)]
-    fn pull_lanes(
+    fn pull_block(
         &self,
         kept: &Normed,
         y_slopes: &[f32],
         columns: usize,
         first: usize,
         x_slopes: &mut [f32],
+        gradient: &mut [f32],
     ) {
+        let count = BLOCK.min(columns - first);
         let features = self.weight.len() as f32;
-        let (mut mean, mut along) = ([0.0_f32; LANES], [0.0_f32; LANES]);
-        let rows = lanes_of(y_slopes, columns, first).zip(lanes_of(&kept.scaled, columns, first));
-        for ((slopes, scaled), w) in rows.clone().zip(&self.weight) {
-            for lane in 0..LANES {
-                let slope = slopes[lane] * w;
-                mean[lane] += slope;
-                along[lane] = slope.mul_add(scaled[lane], along[lane]);
+        let (mut mean, mut along) = ([0.0_f32; BLOCK], [0.0_f32; BLOCK]);
+        let (mean, along) = (&mut mean[..count], &mut along[..count]);
+        let rows = || y_slopes.chunks_exact(columns).zip(kept.scaled.chunks_exact(columns));
+        for (feature, ((slopes, scaled), w)) in rows().zip(&self.weight).enumerate() {
+            let (slopes, scaled) = (&slopes[first..][..count], &scaled[first..][..count]);
+            for i in 0..count {
+                let slope = slopes[i] * w;
+                mean[i] += slope;
+                along[i] = slope.mul_add(scaled[i], along[i]);
             }
+            let (mut by_weight, mut by_bias) = ([0.0_f32; LANES], [0.0_f32; LANES]);
+            let lanes = slopes.as_chunks::<LANES>().0.iter().zip(scaled.as_chunks::<LANES>().0);
+            for (slopes, scaled) in lanes {
+                for lane in 0..LANES {
+                    by_weight[lane] = slopes[lane].mul_add(scaled[lane], by_weight[lane]);
+                    by_bias[lane] += slopes[lane];
+                }
+            }
+            gradient[self.weight_place.start + feature] += fold(by_weight);
+            gradient[self.bias_place.start + feature] += fold(by_bias);
         }
         mean.iter_mut().for_each(|m| *m /= features);
         along.iter_mut().for_each(|a| *a /= features);
-        let factors = &kept.factors[first..first + LANES];
-        let rows = rows.zip(lanes_of_mut(x_slopes, columns, first));
+        let factors = &kept.factors[first..][..count];
+        let rows = rows().zip(x_slopes.chunks_exact_mut(columns));
         for (((slopes, scaled), x_slopes), w) in rows.zip(&self.weight) {
-            for lane in 0..LANES {
-                let rest = slopes[lane].mul_add(*w, -mean[lane]) - scaled[lane] * along[lane];
-                x_slopes[lane] = rest.mul_add(factors[lane], x_slopes[lane]);
+            let (slopes, scaled) = (&slopes[first..][..count], &scaled[first..][..count]);
+            let x_slopes = &mut x_slopes[first..][..count];
+            for i in 0..count {
+                let rest = slopes[i].mul_add(*w, -mean[i]) - scaled[i] * along[i];
+                x_slopes[i] = rest.mul_add(factors[i], x_slopes[i]);
             }
         }
     }
-}
-
-/// Sixteen columns of every row.
-#[expect(clippy::inline_always, reason = "`dispatch` compiles only what is inlined into it")]
-#[inline(always)]
-fn lanes_of(
-    matrix: &[f32],
-    columns: usize,
-    first: usize,
-) -> impl Iterator<Item = &[f32; LANES]> + Clone {
-    matrix.chunks_exact(columns).filter_map(move |row| row[first..].first_chunk())
-}
-
-/// The same, to be changed.
-#[expect(clippy::inline_always, reason = "`dispatch` compiles only what is inlined into it")]
-#[inline(always)]
-fn lanes_of_mut(
-    matrix: &mut [f32],
-    columns: usize,
-    first: usize,
-) -> impl Iterator<Item = &mut [f32; LANES]> {
-    matrix.chunks_exact_mut(columns).filter_map(move |row| row[first..].first_chunk_mut())
 }

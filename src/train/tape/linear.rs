@@ -12,15 +12,15 @@ use super::{lanes, sum, turn};
 /// A dense layer with the parameters of one minibatch.
 #[derive(Debug, Clone)]
 pub struct Linear {
-    inputs: usize,
-    outputs: usize,
-    weight_place: Range<usize>,
-    bias_place: Range<usize>,
+    pub(super) inputs: usize,
+    pub(super) outputs: usize,
+    pub(super) weight_place: Range<usize>,
+    pub(super) bias_place: Range<usize>,
     /// Outputs × inputs.
-    weight: Vec<f32>,
+    pub(super) weight: Vec<f32>,
     /// Inputs × outputs.
     turned: Vec<f32>,
-    bias: Vec<f32>,
+    pub(super) bias: Vec<f32>,
 }
 
 impl Linear {

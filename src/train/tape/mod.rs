@@ -16,6 +16,8 @@
 pub mod attention;
 pub mod layer_norm;
 pub mod linear;
+pub mod lookup;
+pub mod one_token;
 pub mod product;
 #[cfg(test)]
 mod tests;
@@ -64,6 +66,13 @@ pub(super) fn sum(row: &[f32]) -> f32 {
         parts.iter_mut().zip(chunk).for_each(|(part, x)| *part += x);
     }
     parts.iter_mut().zip(rest).for_each(|(part, x)| *part += x);
+    fold(parts)
+}
+
+/// Sum of sixteen numbers, half of them onto the other half until one is left.
+#[expect(clippy::inline_always, reason = "`dispatch` compiles only what is inlined into it")]
+#[inline(always)]
+pub(super) fn fold(mut parts: [f32; LANES]) -> f32 {
     let mut width = LANES / 2;
     while width > 0 {
         let (low, high) = parts.split_at_mut(width);

@@ -9,7 +9,7 @@
 
 use std::array;
 
-use faer::traits::pulp::{Arch, Simd, WithSimd};
+use pulp::{Arch, Simd, WithSimd};
 
 /// What a sum begins with.
 #[derive(Debug, Clone, Copy)]
@@ -59,56 +59,64 @@ impl Product<'_> {
         let lanes = S::F32_LANES;
         let mut column = 0;
         while column + V * lanes <= self.columns {
-            self.panel::<S, R, V>(simd, column);
+            self.panel::<S, R, V, true>(simd, column);
             column += V * lanes;
         }
         while column + lanes <= self.columns {
-            self.panel::<S, R, 1>(simd, column);
+            self.panel::<S, R, 1, true>(simd, column);
             column += lanes;
         }
         if column < self.columns {
-            for row in 0..self.rows {
-                self.rest(simd, row, column);
-            }
+            self.panel::<S, R, 1, false>(simd, column);
         }
     }
 
-    /// All rows of one panel: `R` at a time, then four, then two, then one.
+    /// All rows of one panel: `R` at a time, then four, then two, then one. The last vector of C is `WHOLE`, or ends where C
+    /// does.
     #[inline(always)]
-    fn panel<S: Simd, const R: usize, const V: usize>(&mut self, simd: S, column: usize) {
+    fn panel<S: Simd, const R: usize, const V: usize, const WHOLE: bool>(
+        &mut self,
+        simd: S,
+        column: usize,
+    ) {
         let mut row = 0;
         while row + R <= self.rows {
-            self.tile::<S, R, V>(simd, row, column);
+            self.tile::<S, R, V, WHOLE>(simd, row, column);
             row += R;
         }
         while row + 4 <= self.rows {
-            self.tile::<S, 4, V>(simd, row, column);
+            self.tile::<S, 4, V, WHOLE>(simd, row, column);
             row += 4;
         }
         if row + 2 <= self.rows {
-            self.tile::<S, 2, V>(simd, row, column);
+            self.tile::<S, 2, V, WHOLE>(simd, row, column);
             row += 2;
         }
         if row < self.rows {
-            self.tile::<S, 1, V>(simd, row, column);
+            self.tile::<S, 1, V, WHOLE>(simd, row, column);
         }
     }
 
     #[inline(always)]
-    fn tile<S: Simd, const R: usize, const V: usize>(
+    fn tile<S: Simd, const R: usize, const V: usize, const WHOLE: bool>(
         &mut self,
         simd: S,
         row: usize,
         column: usize,
     ) {
         let depth = self.depth;
+        let width = if WHOLE { V * S::F32_LANES } else { self.columns - column };
         let a: [&[f32]; R] = array::from_fn(|r| &self.a[(row + r) * self.a_stride..][..depth]);
         let mut sums = [[simd.splat_f32s(0.0); V]; R];
         for r in 0..R {
             if let Start::Keep | Start::KeepAndBias(_) = self.start {
-                let c = &self.c[(row + r) * self.c_stride + column..][..V * S::F32_LANES];
-                let c = S::as_simd_f32s(c).0;
-                sums[r] = array::from_fn(|v| c[v]);
+                let c = &self.c[(row + r) * self.c_stride + column..][..width];
+                sums[r] = if WHOLE {
+                    let c = S::as_simd_f32s(c).0;
+                    array::from_fn(|v| c[v])
+                } else {
+                    [simd.partial_load_f32s(c); V]
+                };
             }
             if let Start::Bias(bias) | Start::KeepAndBias(bias) = self.start {
                 let bias = simd.splat_f32s(bias[row + r]);
@@ -127,31 +135,16 @@ impl Product<'_> {
             }
         }
         for r in 0..R {
-            let c = &mut self.c[(row + r) * self.c_stride + column..][..V * S::F32_LANES];
-            let c = S::as_mut_simd_f32s(c).0;
-            for v in 0..V {
-                c[v] = finish(simd, sums[r][v], self.rectify);
+            let c = &mut self.c[(row + r) * self.c_stride + column..][..width];
+            if WHOLE {
+                let c = S::as_mut_simd_f32s(c).0;
+                for v in 0..V {
+                    c[v] = finish(simd, sums[r][v], self.rectify);
+                }
+            } else {
+                simd.partial_store_f32s(c, finish(simd, sums[r][0], self.rectify));
             }
         }
-    }
-
-    /// The columns of one row that fill no vector.
-    #[inline(always)]
-    fn rest<S: Simd>(&mut self, simd: S, row: usize, column: usize) {
-        let a = &self.a[row * self.a_stride..][..self.depth];
-        let c = &mut self.c[row * self.c_stride..][column..self.columns];
-        let mut sum = match self.start {
-            Start::Keep | Start::KeepAndBias(_) => simd.partial_load_f32s(c),
-            _ => simd.splat_f32s(0.0),
-        };
-        if let Start::Bias(bias) | Start::KeepAndBias(bias) = self.start {
-            sum = simd.add_f32s(sum, simd.splat_f32s(bias[row]));
-        }
-        for (&a, b) in a.iter().zip(self.b.chunks_exact(self.b_stride)) {
-            let b = S::as_simd_f32s(&b[column..][..S::F32_LANES]).0;
-            sum = simd.mul_add_e_f32s(simd.splat_f32s(a), b[0], sum);
-        }
-        simd.partial_store_f32s(c, finish(simd, sum, self.rectify));
     }
 }
 

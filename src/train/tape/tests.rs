@@ -6,6 +6,8 @@
 use super::attention::{Attended, Attention, AttentionScratch};
 use super::layer_norm::{LayerNorm, Normed};
 use super::linear::Linear;
+use super::lookup::{LookedUp, Lookup, LookupScratch};
+use super::one_token::NormedOne;
 use super::*;
 
 const TOLERANCE: f64 = 1e-4;
@@ -112,7 +114,7 @@ fn a_norm_has_the_derivatives_of_its_differences() {
     let (mut kept, mut y) = (Normed::new(features, columns), vec![0.0; x.len()]);
     norm.apply(&x, columns, &mut kept, &mut y);
     let (mut x_slopes, mut gradient) = (vec![0.0; x.len()], vec![0.0; numbers.len()]);
-    norm.pull(&kept, &slopes, columns, count, &mut x_slopes, &mut gradient);
+    norm.pull(&kept, &slopes, columns, &mut x_slopes, &mut gradient);
     assert_close("parameter", &gradient, &differences(&numbers, |n| loss(n, &wide_x)));
     assert_close("input", &x_slopes, &differences(&x, |x| loss(&wide_numbers, x)));
 }
@@ -170,5 +172,128 @@ fn turning_swaps_rows_and_columns_and_leaves_the_filling() {
     for (column, row) in turned.chunks_exact(3).enumerate() {
         let want = [2.0 * column as f32, 2.0 * (20 + column) as f32, -1.0];
         assert_eq!(row.iter().map(|x| x.to_bits()).collect::<Vec<_>>(), want.map(f32::to_bits));
+    }
+}
+
+#[test]
+fn looking_up_is_attention_of_one_query_and_so_is_its_way_back() {
+    let (heads, head_width, tokens) = (2, 4, 21);
+    let (width, columns) = (heads * head_width, lanes(tokens));
+    let places = (0..2 * width * width, 2 * width * width..2 * width * (width + 1));
+    let mut key_value = Linear::new(places.0.clone(), places.1.clone());
+    key_value.load(&wave(places.1.end, 0.9));
+    let (query, slopes) = (wave(width, 0.2), wave(width, 1.7));
+    let memory = matrix(width, tokens, 2.2, false);
+
+    // The query as the first of sixteen columns.
+    let column = |vector: &[f32]| -> Vec<f32> {
+        let first = |x: &f32| [&[*x][..], &[0.0; LANES - 1]].concat();
+        vector.iter().flat_map(first).collect()
+    };
+    let attention = Attention {
+        width,
+        heads,
+        queries: 1,
+        query_columns: LANES,
+        keys: tokens,
+        key_columns: columns,
+    };
+    let mut keys_values = vec![0.0; 2 * width * columns];
+    key_value.apply(&memory, columns, false, &mut keys_values);
+    let (keys, values) = keys_values.split_at(width * columns);
+    let (mut kept, mut scratch) =
+        (Attended::new(heads, 1, columns), AttentionScratch::new(head_width, columns));
+    let (wide_query, mut wide_mixed) = (column(&query), vec![0.0; width * LANES]);
+    attention.apply([&wide_query, keys, values], &mut kept, &mut scratch, &mut wide_mixed);
+    let mut wide_query_slopes = vec![0.0; width * LANES];
+    let mut both = vec![0.0; 2 * width * columns];
+    let (key_slopes, value_slopes) = both.split_at_mut(width * columns);
+    attention.pull(
+        [&wide_query, keys, values],
+        &wide_mixed,
+        &column(&slopes),
+        &kept,
+        &mut scratch,
+        [&mut wide_query_slopes, key_slopes, value_slopes],
+    );
+    let (mut expected_gradient, mut expected_memory) =
+        (vec![0.0; places.1.end], vec![0.0; width * columns]);
+    let mut turned = vec![0.0; key_value.scratch_length(tokens)];
+    key_value.pull_weight(&memory, &both, columns, tokens, &mut turned, &mut expected_gradient);
+    key_value.pull_input(&both, columns, true, &mut expected_memory);
+
+    let lookup = Lookup { width, heads, tokens, columns };
+    let mut kept = LookedUp::new(width, heads, columns);
+    let mut scratch = LookupScratch::new(width, heads, columns);
+    let mut mixed = vec![0.0; width];
+    lookup.apply(&query, &memory, &key_value, &mut kept, &mut scratch, &mut mixed);
+    let (mut query_slopes, mut memory_slopes) = (vec![0.0; width], vec![0.0; width * columns]);
+    let mut gradient = vec![0.0; places.1.end];
+    lookup.pull(
+        &query,
+        &memory,
+        &key_value,
+        &slopes,
+        &kept,
+        &mut scratch,
+        &mut query_slopes,
+        &mut memory_slopes,
+        &mut gradient,
+    );
+    let first =
+        |rows: &[f32]| rows.iter().step_by(LANES).map(|&x| f64::from(x)).collect::<Vec<_>>();
+    let wide = |numbers: &[f32]| numbers.iter().map(|&x| f64::from(x)).collect::<Vec<_>>();
+    assert_close("mixed value", &mixed, &first(&wide_mixed));
+    assert_close("query", &query_slopes, &first(&wide_query_slopes));
+    assert_close("token", &memory_slopes, &wide(&expected_memory));
+    assert_close("parameter", &gradient, &wide(&expected_gradient));
+}
+
+#[test]
+fn a_norm_of_one_token_is_that_of_a_column() {
+    let features = 7;
+    let mut norm = LayerNorm::new(0..features, features..2 * features);
+    norm.load(&wave(2 * features, 0.4));
+    let (x, slopes) = (matrix(features, 1, 2.0, true), matrix(features, 1, 3.0, true));
+    let (mut kept, mut y) = (Normed::new(features, LANES), vec![0.0; x.len()]);
+    norm.apply(&x, LANES, &mut kept, &mut y);
+    let (mut x_slopes, mut expected) = (vec![0.0; x.len()], vec![0.0; 2 * features]);
+    norm.pull(&kept, &slopes, LANES, &mut x_slopes, &mut expected);
+
+    let first = |rows: &[f32]| rows.iter().step_by(LANES).copied().collect::<Vec<_>>();
+    let wide = |numbers: &[f32]| numbers.iter().map(|&x| f64::from(x)).collect::<Vec<_>>();
+    let (mut kept, mut one) = (NormedOne::new(features), vec![0.0; features]);
+    norm.apply_to_one(&first(&x), &mut kept, &mut one);
+    assert_close("normalised", &one, &wide(&first(&y)));
+    let (mut one, mut gradient) = (vec![0.0; features], vec![0.0; 2 * features]);
+    norm.pull_one(&kept, &first(&slopes), &mut one, &mut gradient);
+    assert_close("input", &one, &wide(&first(&x_slopes)));
+    assert_close("parameter", &gradient, &wide(&expected));
+}
+
+#[test]
+fn a_layer_on_one_token_is_the_layer_on_a_column() {
+    for (inputs, outputs) in [(20, 3), (3, 20), (16, 16)] {
+        let length = outputs * inputs + outputs;
+        let mut layer = Linear::new(0..outputs * inputs, outputs * inputs..length);
+        layer.load(&wave(length, 1.0));
+        let (x, slopes) = (matrix(inputs, 1, 2.0, true), matrix(outputs, 1, 3.0, true));
+        let (mut y, mut x_slopes) = (vec![0.0; outputs * LANES], vec![0.0; inputs * LANES]);
+        layer.apply(&x, LANES, true, &mut y);
+        let (mut expected, mut scratch) = (vec![0.0; length], vec![0.0; layer.scratch_length(1)]);
+        layer.pull_weight(&x, &slopes, LANES, 1, &mut scratch, &mut expected);
+        layer.finish(&mut expected);
+        layer.pull_input(&slopes, LANES, false, &mut x_slopes);
+
+        let first = |rows: &[f32]| rows.iter().step_by(LANES).copied().collect::<Vec<_>>();
+        let wide = |numbers: &[f32]| numbers.iter().map(|&x| f64::from(x)).collect::<Vec<_>>();
+        let mut one = vec![0.0; outputs];
+        layer.apply_to_one(0..outputs, &first(&x), true, &mut one);
+        assert_close("output", &one, &wide(&first(&y)));
+        let (mut one, mut gradient) = (vec![0.0; inputs], vec![0.0; length]);
+        layer.pull_one(0..outputs, &first(&x), &first(&slopes), &mut one, &mut gradient);
+        layer.finish(&mut gradient);
+        assert_close("input", &one, &wide(&first(&x_slopes)));
+        assert_close("parameter", &gradient, &wide(&expected));
     }
 }

@@ -57,10 +57,10 @@ impl Scratch {
 /// Self-attention with its norm.
 #[derive(Debug, Clone)]
 pub(super) struct SelfBlock {
-    heads: usize,
-    norm: LayerNorm,
-    project: Linear,
-    output: Linear,
+    pub(super) heads: usize,
+    pub(super) norm: LayerNorm,
+    pub(super) project: Linear,
+    pub(super) output: Linear,
 }
 
 /// What its way back needs.
@@ -170,7 +170,7 @@ impl SelfBlock {
         let y = &memory.y[..size];
         self.project.pull_weight(y, wide, columns, count, &mut scratch.weights, gradient);
         self.project.pull_input(wide, columns, false, narrow);
-        self.norm.pull(&memory.normed, narrow, columns, count, slopes, gradient);
+        self.norm.pull(&memory.normed, narrow, columns, slopes, gradient);
     }
 
     pub(super) fn finish(&self, gradient: &mut [f32]) {
@@ -182,11 +182,11 @@ impl SelfBlock {
 /// Cross-attention with its norm: the stream looks at a memory.
 #[derive(Debug, Clone)]
 pub(super) struct CrossBlock {
-    heads: usize,
-    norm: LayerNorm,
-    query: Linear,
-    key_value: Linear,
-    output: Linear,
+    pub(super) heads: usize,
+    pub(super) norm: LayerNorm,
+    pub(super) query: Linear,
+    pub(super) key_value: Linear,
+    pub(super) output: Linear,
 }
 
 /// What its way back needs.
@@ -318,7 +318,7 @@ impl CrossBlock {
         let y = &memory.y[..size];
         self.query.pull_weight(y, query_slopes, columns, count, &mut scratch.weights, gradient);
         self.query.pull_input(query_slopes, columns, false, narrow);
-        self.norm.pull(&memory.normed, narrow, columns, count, slopes, gradient);
+        self.norm.pull(&memory.normed, narrow, columns, slopes, gradient);
     }
 
     pub(super) fn finish(&self, gradient: &mut [f32]) {
@@ -331,9 +331,9 @@ impl CrossBlock {
 /// `W₂ relu(W₁ LN(x) + b₁) + b₂`.
 #[derive(Debug, Clone)]
 pub(super) struct FeedForward {
-    norm: LayerNorm,
-    widen: Linear,
-    narrow: Linear,
+    pub(super) norm: LayerNorm,
+    pub(super) widen: Linear,
+    pub(super) narrow: Linear,
 }
 
 /// What its way back needs.
@@ -407,7 +407,7 @@ impl FeedForward {
         self.widen.pull_weight(y, wide, columns, count, &mut scratch.weights, gradient);
         let narrow = &mut scratch.narrow[..slopes.len()];
         self.widen.pull_input(wide, columns, false, narrow);
-        self.norm.pull(&memory.normed, narrow, columns, count, slopes, gradient);
+        self.norm.pull(&memory.normed, narrow, columns, slopes, gradient);
     }
 
     pub(super) fn finish(&self, gradient: &mut [f32]) {

@@ -8,6 +8,7 @@ mod blocks;
 mod constants;
 mod heads;
 mod layout;
+mod one_query;
 mod pass;
 mod places;
 mod stacks;

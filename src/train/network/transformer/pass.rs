@@ -4,6 +4,7 @@ use super::Transformer;
 use super::blocks::{Extent, Scratch, Seen};
 use super::constants::{Constants, First, TaskConstants};
 use super::heads::Shape;
+use super::one_query::OneMemory;
 use super::stacks::{DecoderMemory, EncoderMemory};
 use crate::train::distribution::{Distribution, Gaussian};
 use crate::train::losses::{LossScratch, Objective, Slopes};
@@ -29,7 +30,7 @@ pub(super) struct Memory {
     encoded_slopes: Vec<f32>,
     encoder: EncoderMemory,
     action: Decoded,
-    value: Decoded,
+    value: Valued,
     scratch: Scratch,
     /// Numbers of an action.
     means: Vec<f32>,
@@ -51,6 +52,14 @@ struct Decoded {
     head_slopes: Vec<f32>,
     /// Derivatives by the scale head's numbers.
     scale_slopes: Vec<f32>,
+}
+
+/// The same for the one query of the value.
+struct Valued {
+    kept: OneMemory,
+    stream: Vec<f32>,
+    latent: Vec<f32>,
+    slopes: Vec<f32>,
 }
 
 impl Decoded {
@@ -79,7 +88,7 @@ impl Memory {
         let actions = most(|task| task.action_length);
         let rows = |count: usize| vec![0.0; count * lanes(tokens)];
         let action = parts.action_decoder.memory(sizes.width, queries, tokens);
-        let value = parts.value_decoder().memory(sizes.width, 1, tokens);
+        let zeros = vec![0.0; sizes.width];
         Self {
             windows: rows(sizes.lags),
             stream: rows(sizes.width),
@@ -87,7 +96,12 @@ impl Memory {
             encoded_slopes: rows(sizes.width),
             encoder: parts.encoder.memory(sizes.width, tokens),
             action: Decoded::new(action, sizes.width, queries),
-            value: Decoded::new(value, sizes.width, 1),
+            value: Valued {
+                kept: parts.value_decoder().memory_of_one(sizes.width, tokens),
+                stream: zeros.clone(),
+                latent: zeros.clone(),
+                slopes: zeros,
+            },
             scratch: Scratch::new(
                 sizes.width,
                 sizes.feed_forward,
@@ -171,13 +185,16 @@ impl Transformer {
         memory: &mut Memory,
     ) -> f32 {
         let (numbers, parts) = (self.parameters.numbers(), &constants.parts);
-        let Memory { encoded, value, scratch, .. } = memory;
+        let Memory { encoded, value: Valued { kept, stream, latent, .. }, .. } = memory;
         let encoded = (&encoded[..task.token_words.len()], task.tokens);
-        decode(parts.value_decoder(), &task.value, encoded, value, scratch);
         let columns = task.value.queries.extent.columns;
-        let latent = &value.latent[..task.value.stream.len()];
-        parts.value_head.apply(numbers, latent, columns, &mut value.numbers);
-        value.numbers[0]
+        for (x, row) in stream.iter_mut().zip(task.value.stream.chunks_exact(columns)) {
+            *x = row[0];
+        }
+        parts.value_decoder().forward_one(stream, encoded, kept, latent);
+        let mut value = [0.0];
+        parts.value_head.apply(numbers, latent, 1, &mut value);
+        value[0]
     }
 
     /// `Σ u` of one sample's action.
@@ -316,30 +333,22 @@ impl Transformer {
         sums: &mut [f32],
     ) {
         let (numbers, parts) = (self.parameters.numbers(), &constants.parts);
-        let Memory { encoded, encoded_slopes, value, scratch, .. } = memory;
-        let (columns, size) = (task.value.queries.extent.columns, task.value.stream.len());
-        let head_slopes = &mut value.head_slopes[..columns];
-        head_slopes.fill(0.0);
-        head_slopes[0] = slope;
-        let slopes = &mut value.slopes[..size];
-        parts.value_head.pull_weight(&value.latent[..size], head_slopes, sums);
-        parts.value_head.pull_input(numbers, head_slopes, slopes);
+        let Memory { encoded, encoded_slopes, value, .. } = memory;
+        let Valued { kept, stream, latent, slopes } = value;
+        parts.value_head.pull_weight(latent, &[slope], sums);
+        parts.value_head.pull_input(numbers, &[slope], slopes);
         let mut seen = Seen {
             memory: &encoded[..task.token_words.len()],
             slopes: &mut encoded_slopes[..task.token_words.len()],
             extent: task.tokens,
         };
-        let stream_slopes = &mut value.stream[..size];
-        parts.value_decoder().backward(
-            slopes,
-            task.value.queries,
-            &mut seen,
-            &value.kept,
-            scratch,
-            stream_slopes,
-            sums,
-        );
-        add(stream_slopes, &mut sums[task.value.sums.clone()]);
+        // As above: the query's stream becomes the derivatives by itself.
+        parts.value_decoder().backward_one(slopes, &mut seen, kept, stream, sums);
+        let columns = task.value.queries.extent.columns;
+        let sums = sums[task.value.sums.clone()].chunks_exact_mut(columns);
+        for (sums, slope) in sums.zip(&*stream) {
+            sums[0] += slope;
+        }
     }
 }
 

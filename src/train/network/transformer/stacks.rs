@@ -79,12 +79,11 @@ impl Encoder {
         slopes: &mut [f32],
         gradient: &mut [f32],
     ) {
-        let Extent { count, columns } = extent;
         slopes.fill(0.0);
-        self.norm.pull(&memory.normed, encoded_slopes, columns, count, slopes, gradient);
+        self.norm.pull(&memory.normed, encoded_slopes, extent.columns, slopes, gradient);
         for ((attention, feed_forward), kept) in self.layers.iter().zip(&memory.layers).rev() {
             feed_forward.backward(slopes, extent, &kept.1, scratch, gradient);
-            attention.backward(slopes, extent, count, &kept.0, scratch, gradient);
+            attention.backward(slopes, extent, extent.count, &kept.0, scratch, gradient);
         }
     }
 
@@ -99,8 +98,8 @@ impl Encoder {
 /// Lets queries look at each other and at what was encoded.
 #[derive(Debug, Clone)]
 pub(super) struct Decoder {
-    layers: Vec<(SelfBlock, CrossBlock, FeedForward)>,
-    norm: LayerNorm,
+    pub(super) layers: Vec<(SelfBlock, CrossBlock, FeedForward)>,
+    pub(super) norm: LayerNorm,
 }
 
 /// What its way back needs.
@@ -195,9 +194,8 @@ impl Decoder {
         slopes: &mut [f32],
         gradient: &mut [f32],
     ) {
-        let Extent { count, columns } = extent;
         slopes.fill(0.0);
-        self.norm.pull(&memory.normed, decoded_slopes, columns, count, slopes, gradient);
+        self.norm.pull(&memory.normed, decoded_slopes, extent.columns, slopes, gradient);
         let layers = self.layers.iter().zip(&memory.layers).enumerate();
         for (k, ((attention, cross, feed_forward), kept)) in layers.rev() {
             feed_forward.backward(slopes, extent, &kept.2, scratch, gradient);
