@@ -4,7 +4,7 @@
 CARGO ?= cargo
 PROGRAM = $(CARGO) run --release --quiet --
 
-.PHONY: demo test check bench setup
+.PHONY: demo test check bench gallery setup
 
 ## The control-subspace curves of every task, from nothing: build, fetch physics and models, run.
 demo: setup
@@ -23,6 +23,13 @@ check: test
 ## Throughput of policy, physics and analysis on this machine.
 bench:
 	$(CARGO) bench
+
+## The gallery page, docs/gallery/README.md: the paper's printed figures, and runs that need nothing but `setup`.
+gallery: setup
+	rm -rf target/gallery
+	$(PROGRAM) csi --data target/gallery --task all --out target/gallery
+	$(PROGRAM) evaluate --data target/gallery --task myosuite_elbow_pose --episodes 20 --out target/gallery
+	$(PROGRAM) figures fig3b fig3c --gallery --data target/gallery --runs target/gallery --out docs/gallery
 
 setup:
 	$(CARGO) build --release

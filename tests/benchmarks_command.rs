@@ -205,6 +205,66 @@ fn fine_tuning_in_a_subspace_is_found_and_missing_runs_stay_missing() {
 }
 
 #[test]
+fn what_policies_trained_by_rewards_alone_lose_is_drawn_where_one_of_them_is_there() {
+    let bench = Bench::new();
+    tree(&bench);
+    let run = |words: &[&str]| {
+        let document = bench.json(&[&["evaluate", "--json", "--benchmarks"], words].concat());
+        Path::new(document["folder"].as_str().unwrap()).to_owned()
+    };
+    let methods = ["tree", "--method", "arnold", "obc", "obc_task_sv", "ppo_t_sv"];
+    let write = |name: &str, x: f64| {
+        bench.write(name, records(&[x, x, x]).to_string().as_bytes());
+    };
+    write("tree/ppo_t_sv/seed_0/a_results.json", 0.2);
+    write("tree/ppo_t_sv/seed_1/a_results.json", 0.3);
+    assert!(!run(&methods).join("ppo_ablation.svg").exists());
+    write("tree/ppo_wo_rew_norm/a_results.json", 0.1);
+    let folder = run(&[&methods[..], &["ppo_wo_rew_norm"]].concat());
+    let svg = std::fs::read_to_string(folder.join("ppo_ablation.svg")).unwrap();
+    for said in ["PPO w/o reward norm.", "n = 1–2 seeds", "s.e.m."] {
+        assert!(svg.contains(said), "{said}");
+    }
+}
+
+#[test]
+fn the_radars_first_metric_counts_solved_episodes_in_two_tasks_and_is_named() {
+    let bench = Bench::new();
+    let with = |fraction: f64, solved: f64| {
+        let mut document = records(&[fraction; 3]);
+        for task in TASKS {
+            document[task]["avg_solved"] = json!(solved);
+        }
+        document.to_string()
+    };
+    bench.write("tree/expert_policies/expert_a_results.json", with(0.5, 0.8).as_bytes());
+    bench.write("tree/arnold/seed_0/a_results.json", with(0.4, 0.6).as_bytes());
+    let words = ["evaluate", "--benchmarks", "tree", "--metric-map", "radar"];
+    let document = bench.json(&[&words[..], &["--json"]].concat());
+    let mean = |task: &str| document["methods"]["arnold"]["tasks"][task]["mean"].as_f64().unwrap();
+    assert!((mean("pen") - 80.0).abs() < 1e-9 && (mean("reorient") - 75.0).abs() < 1e-9);
+    assert_eq!(document["metric_map"], "radar");
+    assert!(bench.run(&words).stdout.contains("episodes solved at any step"));
+    let usual = bench.json(&["evaluate", "--benchmarks", "tree", "--json"]);
+    assert_ne!(usual["folder"], document["folder"], "another metric is another run");
+}
+
+#[test]
+fn policies_with_other_histories_are_read_from_one_file_and_need_no_expert() {
+    let bench = Bench::new();
+    let of = |reward: f64| json!({"pen": {"avg_cum_reward": reward, "num_episodes": 20}});
+    let file = json!({"original-random": of(12.5), "bilateral-random": of(-3.0)});
+    bench.write("bilateral.json", file.to_string().as_bytes());
+    let document = bench.json(&["evaluate", "--json", "--benchmarks", "bilateral.json"]);
+    let folder = Path::new(document["folder"].as_str().unwrap());
+    let history = table(folder, "history.csv");
+    assert_eq!(floats(&history, "avg_cum_reward"), [-3.0, 12.5]);
+    assert_eq!(floats(&history, "n_episodes"), [20.0, 20.0]);
+    let svg = std::fs::read_to_string(folder.join("history.svg")).unwrap();
+    assert!(svg.contains("bilateral-random") && svg.contains("no interval"));
+}
+
+#[test]
 fn two_runs_write_the_same_bytes() {
     let bench = Bench::new();
     tree(&bench);

@@ -120,6 +120,30 @@ fn a_pretrained_run_is_drawn_against_one_from_scratch() {
 }
 
 #[test]
+fn several_seeds_are_averaged_on_a_grid_with_their_standard_error() {
+    let bench = Bench::new();
+    experts(&bench);
+    let steps = |every: u32| (1..=10).map(move |i| i * every);
+    let level =
+        |every: u32, value: f32| -> Vec<(u32, f32)> { steps(every).map(|s| (s, value)).collect() };
+    bench.write("a/events.out.tfevents.1", &events("pen/solved", &level(1000, 0.25)));
+    bench.write("b/events.out.tfevents.1", &events("pen/solved", &level(700, 0.75)));
+    let words = ["--recipe", "rl-finetuning", "--run", "obc:pen=a", "--run", "obc:pen=b", "--json"];
+    let document = bench.json(&[&["curves"], &words[..]].concat());
+    assert_eq!(document["lines"][0]["seeds"], 2);
+    let bands = table(folder(&document), "bands.csv");
+    assert_eq!(bands.row_count(), 300);
+    let (mean, error) = (floats(&bands, "mean"), floats(&bands, "sem"));
+    for (place, count) in floats(&bands, "n_seeds").into_iter().enumerate() {
+        // Of ¼ and ¾: standard deviation √(1/8), over √2 seeds.
+        let both = (mean[place] - 0.5).abs() < 1e-6 && (error[place] - 0.25).abs() < 1e-6;
+        assert!(if count > 1.5 { both } else { error[place].is_nan() }, "{place}: {count} seeds");
+    }
+    let svg = std::fs::read_to_string(folder(&document).join("curves.svg")).unwrap();
+    assert!(svg.contains("± s.e.m."));
+}
+
+#[test]
 fn seeds_of_a_portable_table_are_averaged_over_their_common_steps() {
     let bench = Bench::new();
     experts(&bench);

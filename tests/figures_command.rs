@@ -118,6 +118,56 @@ fn twice_and_in_another_order_gives_the_same_bytes() {
 }
 
 #[test]
+fn slides_have_the_same_content_in_other_colours_and_leave_the_run_as_it_is() {
+    let bench = Bench::new();
+    data(&bench);
+    bench.json(&["figures", "fig3b", "fig6ab", "--out", "light", "--json"]);
+    bench.json(&["figures", "fig3b", "fig6ab", "--out", "dark", "--theme", "dark", "--json"]);
+    let (light, dark) = (files_below(&bench.path("light")), files_below(&bench.path("dark")));
+    assert_eq!(light.keys().collect::<BTreeSet<_>>(), dark.keys().collect::<BTreeSet<_>>());
+    for (name, bytes) in &light {
+        let is_table = ["parquet", "csv"].iter().any(|kind| name.rsplit('.').next() == Some(kind));
+        assert_eq!(dark[name] == *bytes, is_table, "{name}");
+    }
+    let run = ["evaluate", "--benchmarks", "data/arnold_published/expert_policies"];
+    let first = bench.json(&[&run[..], &["--json"]].concat());
+    let folder = std::path::Path::new(first["folder"].as_str().unwrap()).to_owned();
+    let before = files_below(&folder);
+    let again = bench.json(&[&run[..], &["--theme", "dark", "--json"]].concat());
+    assert_eq!(again["folder"], first["folder"]);
+    assert_eq!(again["slides"].as_array().unwrap().len(), 3);
+    assert!(folder.join("dark/experts.pdf").is_file());
+    std::fs::remove_dir_all(folder.join("dark")).unwrap();
+    assert!(files_below(&folder) == before, "the run was changed");
+}
+
+#[test]
+fn a_gallery_shows_every_figure_and_those_of_other_runs() {
+    let bench = Bench::new();
+    data(&bench);
+    let run = ["evaluate", "--benchmarks", "data/arnold_published/expert_policies"];
+    bench.json(&[&run[..], &["--json"]].concat());
+    let words = ["figures", "fig3", "experts", "--gallery", "--out", "gallery"];
+    assert_eq!(bench.run(&words).code, 0);
+    let page = std::fs::read_to_string(bench.path("gallery/README.md")).unwrap();
+    let pictures: Vec<&str> = page
+        .split("](")
+        .skip(1)
+        .filter_map(|rest| {
+            rest.split(')').next().filter(|name| name.split('.').nth(1) == Some("svg"))
+        })
+        .collect();
+    assert_eq!(pictures, ["fig3b_radar.svg", "fig3c_bars.svg", "experts.svg"]);
+    for picture in pictures {
+        assert!(bench.path(&format!("gallery/{picture}")).is_file(), "{picture}");
+    }
+    assert!(page.contains("Made by `arnold-analyze figures fig3 experts"), "{page}");
+    let before = files_below(&bench.path("gallery"));
+    assert_eq!(bench.run(&words).code, 0);
+    assert!(files_below(&bench.path("gallery")) == before, "the bytes differ");
+}
+
+#[test]
 fn unfit_input_is_named() {
     let bench = Bench::new();
     data(&bench);

@@ -197,6 +197,46 @@ fn smoothness_of_upstreams_recording_is_what_upstream_says() {
 }
 
 #[test]
+fn upstreams_selection_names_the_recordings_of_an_analysis() {
+    let bench = Bench::new();
+    for policy in ["expert", "arnold/seed_0", "other"] {
+        let path = bench.path(&format!("signals/{policy}/baoding_p1_ccw.h5"));
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        let frequency = if policy == "other" { 0.7 } else { 0.2 };
+        let recording = swinging("baoding_p1_ccw", frequency, 40, 4);
+        write_recording(recording, &[(Format::Hdf5, path)], Place::New).unwrap();
+    }
+    let file = r#"{"tasks": ["pen"], "episodes": 4, "baoding_pca": {"tasks": ["baoding_p1_ccw"],
+        "policies": ["expert", "arnold/seed_0"], "overrides": {"expert": {"baoding_p1_ccw": "other"}}}}"#;
+    bench.write("signals.json", file.as_bytes());
+    let words = ["kinematics", "--selection", "signals.json", "--signals", "signals", "--json"];
+    let document = bench.json(&words);
+    let read: Vec<(&str, &str)> = document["input"]["recordings"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|file| (file["policy"].as_str().unwrap(), file["file"].as_str().unwrap()))
+        .collect();
+    let want = [
+        ("expert", "signals/other/baoding_p1_ccw.h5"),
+        ("arnold/seed_0", "signals/arnold/seed_0/baoding_p1_ccw.h5"),
+    ];
+    assert_eq!(read, want);
+    for (words, said) in [
+        (&["smoothness", "--selection", "signals.json"][..], "analysis `smoothness`"),
+        (&["kinematics", "--selection", "signals.json"], "is not there"),
+    ] {
+        let ended = bench.run(words);
+        assert_eq!(ended.code, 1, "{}", ended.stderr);
+        assert!(
+            ended.stderr.contains(said) && ended.stderr.contains("hint: `--"),
+            "{}",
+            ended.stderr
+        );
+    }
+}
+
+#[test]
 fn kinematics_counts_dimensions_beside_the_human_hand() {
     let bench = Bench::new();
     write(&bench, "slow", &["pen", "baoding_p1_ccw"], 0.1);

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+#[cfg(feature = "play")]
+use clap::ValueEnum;
 use clap::{Args, Parser, Subcommand};
 
 use super::commands;
@@ -18,6 +20,7 @@ pub struct Arguments {
 
 /// Options every command shares.
 #[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Everywhere")]
 pub struct GlobalArguments {
     /// Folder of published data sets and policies
     #[arg(long, global = true, value_name = "DIR", env = "ARNOLD_DATA", default_value = "data")]
@@ -31,6 +34,18 @@ pub struct GlobalArguments {
     /// Say more; twice: say everything
     #[arg(long, short, global = true, action = clap::ArgAction::Count)]
     pub verbose: u8,
+    /// Colours of figures: `light` for print; `dark` draws those of a run once more, for slides, in its folder `dark`
+    #[cfg(feature = "play")]
+    #[arg(long, global = true, value_enum, default_value_t = ThemeName::Light)]
+    pub theme: ThemeName,
+}
+
+/// What figures are for.
+#[cfg(feature = "play")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ThemeName {
+    Light,
+    Dark,
 }
 
 /// What to do.
@@ -81,6 +96,9 @@ pub enum Command {
     /// Gather every figure and table of the paper: from finished runs, from published data, or say what is missing
     Figures(commands::figures::FiguresArguments),
     #[cfg(feature = "play")]
+    /// Write finished runs as one HTML page: figures, tables, manifest, and the command that makes them again
+    Report(commands::report::ReportArguments),
+    #[cfg(feature = "play")]
     /// The paper's tests on any tidy table: signed rank, rank sum, t, bootstrap, with corrections
     Stats(Box<commands::stats::StatsArguments>),
     #[cfg(feature = "play")]
@@ -120,6 +138,7 @@ impl Command {
                 | Self::Tasks(_)
                 | Self::Verify(_)
                 | Self::Bench(_)
+                | Self::Report(_)
                 | Self::Plan(_)
                 | Self::Work(_)
                 | Self::Status(_)

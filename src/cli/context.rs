@@ -5,7 +5,11 @@ use std::path::PathBuf;
 
 use super::args::GlobalArguments;
 #[cfg(feature = "play")]
+use super::args::ThemeName;
+#[cfg(feature = "play")]
 use super::sweep::Assignment;
+#[cfg(feature = "play")]
+use crate::figure::Theme;
 
 /// How a command ended when it did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,6 +35,9 @@ pub struct Context {
     pub interactive: bool,
     /// What was typed: the command and its options.
     pub words: Vec<String>,
+    /// Colours of figures.
+    #[cfg(feature = "play")]
+    pub theme: Theme,
     /// Which part of a sweep is to be done; `None`: all of it, at once.
     #[cfg(feature = "play")]
     pub assignment: Option<Assignment>,
@@ -47,6 +54,11 @@ impl Context {
             verbosity: arguments.verbose,
             interactive: std::io::stderr().is_terminal(),
             words,
+            #[cfg(feature = "play")]
+            theme: match arguments.theme {
+                ThemeName::Light => Theme::Light,
+                ThemeName::Dark => Theme::Dark,
+            },
             #[cfg(feature = "play")]
             assignment: None,
         }

@@ -7,7 +7,8 @@ use serde_json::{Value, json};
 use crate::experiment::ExperimentError;
 use crate::experiment::gather;
 use crate::experiment::run_folder::{Manifest, RunFolder};
-use crate::figure::{Provenance, write_figure};
+use crate::figure::{Provenance, Theme, write_figure};
+use crate::files;
 use crate::record::{
     Format, Place, RecordError, Recording, Table, write_csv, write_parquet, write_recording,
 };
@@ -15,6 +16,9 @@ use crate::record::{
 use super::context::{Context, Outcome};
 use super::laboratory::Laboratory;
 use super::render::{self, Hinted};
+
+/// No figure is larger.
+const LARGEST_FIGURE: u64 = 64 << 20;
 
 /// Files of a run, written one after the other.
 pub struct Output<'a> {
@@ -101,9 +105,37 @@ impl<'a> Output<'a> {
         self,
         left_out: Value,
         result: Value,
-        machine: Value,
+        mut machine: Value,
     ) -> Result<Manifest, ExperimentError> {
+        if machine["command_line"].is_null() {
+            machine["command_line"] = command_line(std::env::args().skip(1)).into();
+        }
         Ok(self.folder.finish(&self.names, left_out, result, machine)?)
+    }
+}
+
+/// What was typed, as it can be typed again: without what only says where results go and how they are shown.
+fn command_line(words: impl Iterator<Item = String>) -> String {
+    let mut line = String::from("arnold-analyze");
+    let mut words = words;
+    while let Some(word) = words.next() {
+        match word.as_str() {
+            "--out" | "--theme" => drop(words.next()),
+            "--json" | "--quiet" | "-q" => {}
+            other if other.starts_with("--out=") || other.starts_with("--theme=") => {}
+            other => line.extend([" ", &quoted(other)]),
+        }
+    }
+    line
+}
+
+/// A word as a shell takes it for one word.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./=:,@%+".contains(c);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
     }
 }
 
@@ -158,6 +190,7 @@ pub fn print(
     if context.assignment.is_none() {
         gather::tidy(&folder.path)?;
     }
+    let slides = slides(context.theme, folder, manifest)?;
     if context.json {
         let mut document = json!({
             "command": manifest.command,
@@ -171,6 +204,10 @@ pub fn print(
             let files: Vec<_> =
                 manifest.files.iter().map(|f| absolute(&folder.file(&f.name))).collect();
             into.insert("files".to_owned(), json!(files));
+            if !slides.is_empty() {
+                let slides: Vec<_> = slides.iter().map(|path| absolute(path)).collect();
+                into.insert("slides".to_owned(), json!(slides));
+            }
         }
         render::print_json(&document)?;
     } else {
@@ -180,9 +217,35 @@ pub fn print(
         for name in names.into_iter().chain(["manifest.json"]) {
             text.extend(["  ", name, "\n"]);
         }
+        for path in &slides {
+            let below = path.strip_prefix(&folder.path).unwrap_or(path);
+            text.extend(["  ", &below.display().to_string(), "\n"]);
+        }
         render::print_text(&text)?;
     }
     Ok(Outcome::Done)
+}
+
+/// The figures of a run once more, in the colours of slides. The run itself stays what it is, so no other theme makes it
+/// another run.
+fn slides(
+    theme: Theme,
+    folder: &RunFolder,
+    manifest: &Manifest,
+) -> anyhow::Result<Vec<std::path::PathBuf>> {
+    let mut drawn = Vec::new();
+    if theme == Theme::Light {
+        return Ok(drawn);
+    }
+    for file in &manifest.files {
+        let Some(stem) = file.name.strip_suffix(".svg") else { continue };
+        let bytes = files::read_bounded(&folder.file(&file.name), LARGEST_FIGURE)?;
+        let svg = theme.apply(&String::from_utf8_lossy(&bytes));
+        let slides = folder.file("dark");
+        files::create_folder(&slides)?;
+        drawn.extend(write_figure(&slides.join(stem), &svg)?);
+    }
+    Ok(drawn)
 }
 
 /// A line for each task in which the physics diverged; nothing if it never did.
@@ -201,4 +264,26 @@ fn divergence(result: &Value) -> String {
 
 fn absolute(path: &Path) -> std::path::PathBuf {
     std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_command_can_be_typed_again_wherever_its_results_go() {
+        let line = |words: &[&str]| command_line(words.iter().map(|word| (*word).to_owned()));
+        let typed = [
+            "evaluate",
+            "--benchmarks",
+            "a b",
+            "it's=x",
+            "--out",
+            "runs",
+            "--json",
+            "--theme=dark",
+        ];
+        assert_eq!(line(&typed), r"arnold-analyze evaluate --benchmarks 'a b' 'it'\''s=x'");
+        assert_eq!(line(&["stats", ""]), "arnold-analyze stats ''");
+    }
 }

@@ -97,6 +97,8 @@ fn dispatch(context: &Context, command: Command) -> anyhow::Result<Outcome> {
         #[cfg(feature = "play")]
         Command::Figures(args) => commands::figures::run(context, &args),
         #[cfg(feature = "play")]
+        Command::Report(args) => commands::report::run(context, &args),
+        #[cfg(feature = "play")]
         Command::Stats(args) => commands::stats::run(context, &args),
         #[cfg(feature = "play")]
         Command::Plan(args) => commands::plan::run(context, &args),

@@ -31,6 +31,15 @@ pub struct MovementArguments {
     /// chooses among them, `--episodes` is the number that each must have
     #[arg(long, value_name = "[NAME=]PATH", num_args = 1.., value_parser = labelled, conflicts_with_all = ["policy", "normaliser", "deterministic", "stochastic"])]
     recording: Vec<Labelled>,
+    /// The same from upstream's `signals.json`: the recordings that it lists for this analysis
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["recording", "policy", "normaliser", "deterministic", "stochastic"])]
+    selection: Option<PathBuf>,
+    /// Which of its analyses [default: the one of this command]
+    #[arg(long, value_name = "NAME", requires = "selection")]
+    analysis: Option<String>,
+    /// Folder of the recordings that it lists [default: `analysis/signals` or `activations` in the data folder]
+    #[arg(long, value_name = "DIR", requires = "selection")]
+    signals: Option<PathBuf>,
     #[command(flatten)]
     play: PlayArguments,
 }
@@ -39,7 +48,7 @@ impl MovementArguments {
     /// Whether a recording or a policy was named.
     #[must_use]
     pub fn names_something(&self) -> bool {
-        !self.recording.is_empty() || self.play.names_policy()
+        !self.recording.is_empty() || self.selection.is_some() || self.play.names_policy()
     }
 
     /// Folder for results.
@@ -95,14 +104,20 @@ pub struct Movement {
 }
 
 impl Movement {
-    /// Finds the recordings, or opens the policy. Tells the person what was found.
+    /// Finds the recordings, or opens the policy. Tells the person what was found. `analysis` is what upstream's selection
+    /// calls this one.
     pub fn open(
         context: &Context,
         arguments: &MovementArguments,
         defaults: Defaults,
+        analysis: &str,
     ) -> anyhow::Result<Self> {
-        let MovementArguments { recording, play } = arguments;
-        if recording.is_empty() {
+        let play = &arguments.play;
+        let (listed, episodes) = match &arguments.selection {
+            Some(file) => selected(context, arguments, file, analysis)?,
+            None => (arguments.recording.clone(), defaults.episodes),
+        };
+        if listed.is_empty() {
             let laboratory = Laboratory::open(context, play, defaults)?;
             let (episodes, out) = (laboratory.episodes, laboratory.out.clone());
             let origin = Origin::Played(Box::new(laboratory));
@@ -112,7 +127,7 @@ impl Movement {
             [] => Vec::new(),
             words => laboratory::named_tasks(words)?.tasks.iter().map(|task| task.name).collect(),
         };
-        let files = find(recording, &wanted)?;
+        let files = find(&listed, &wanted)?;
         let mut policies: Vec<&str> = files.iter().map(|file| file.policy.as_str()).collect();
         policies.dedup();
         for policy in policies {
@@ -123,7 +138,7 @@ impl Movement {
         context.say("");
         Ok(Self {
             origin: Origin::Recorded(files),
-            episodes: play.episodes.map_or(defaults.episodes, Into::into),
+            episodes: play.episodes.map_or(episodes, Into::into),
             threads: play.threads(),
             out: play.out.clone(),
         })
@@ -261,6 +276,44 @@ impl Movement {
             }
         }
     }
+}
+
+/// Where the recordings of a selection may lie in the data folder.
+const SIGNAL_FOLDERS: [&str; 2] = ["analysis/signals", "activations"];
+
+/// What upstream's selection lists for an analysis, and how many episodes each recording must have.
+fn selected(
+    context: &Context,
+    arguments: &MovementArguments,
+    file: &Path,
+    analysis: &str,
+) -> anyhow::Result<(Vec<Labelled>, usize)> {
+    let known = SIGNAL_FOLDERS.map(|folder| context.data.join(folder));
+    let there = known.iter().find(|folder| folder.is_dir()).unwrap_or(&known[0]);
+    let signals = arguments.signals.as_ref().unwrap_or(there);
+    let hint =
+        "`--selection` takes upstream's `signals.json`; `--analysis NAME` says which part of it";
+    let selection = record::read_signal_selection(file)
+        .map_err(|error| Hinted::new(error.to_string(), hint))?;
+    let analysis = arguments.analysis.as_deref().unwrap_or(analysis);
+    let found = selection
+        .recordings(analysis, signals, file)
+        .map_err(|error| Hinted::new(error.to_string(), hint))?;
+    if let Some(missing) = found.iter().find(|signal| !signal.path.is_file()) {
+        return Err(Hinted::new(
+            format!("the selected recording `{}` is not there", missing.path.display()),
+            "`--signals DIR` names the folder of `<policy>/<task>.h5`",
+        ));
+    }
+    if found.is_empty() {
+        let message = format!("`{analysis}` of `{}` lists no recording", file.display());
+        return Err(Hinted::new(message, hint));
+    }
+    let listed = found
+        .into_iter()
+        .map(|signal| Labelled { policy: Some(signal.policy), path: signal.path })
+        .collect();
+    Ok((listed, selection.episodes))
 }
 
 /// The recordings of `wanted` tasks (all if there are none), by policy as typed and by task in the paper's order.

@@ -1,6 +1,6 @@
 //! What goes to stdout and stderr: tables, JSON, errors with their hint.
 
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 
 use crate::assets::AssetError;
 
@@ -22,15 +22,38 @@ impl Hinted {
     }
 }
 
+/// Colours of words that a person looks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Paint {
+    Error,
+    Hint,
+}
+
+/// `word` in its colour if `wanted`.
+fn painted(word: &str, paint: Paint, wanted: bool) -> String {
+    let code = match paint {
+        Paint::Error => "1;31",
+        Paint::Hint => "1;36",
+    };
+    if wanted { format!("\x1b[{code}m{word}\x1b[0m") } else { word.to_owned() }
+}
+
+/// Whether stderr shows colours: it is a terminal, and `NO_COLOR` is not set (<https://no-color.org>).
+fn wants_colours() -> bool {
+    let refuses = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+    std::io::stderr().is_terminal() && !refuses
+}
+
 /// Prints `error: …` and, after a blank line, `hint: …` if there is one.
 pub fn print_error(error: &anyhow::Error) {
     let hint = error.chain().find_map(|cause| {
         let written = cause.downcast_ref::<Hinted>().map(|hinted| hinted.hint.clone());
         written.or_else(|| cause.downcast_ref::<AssetError>().map(AssetError::hint))
     });
-    eprintln!("error: {}", message(error));
+    let colours = wants_colours();
+    eprintln!("{} {}", painted("error:", Paint::Error, colours), message(error));
     if let Some(hint) = hint {
-        eprintln!("\nhint: {hint}");
+        eprintln!("\n{} {hint}", painted("hint:", Paint::Hint, colours));
     }
 }
 
@@ -150,6 +173,28 @@ fn wrapped(text: &str) -> String {
     lines
 }
 
+/// A command to type, in lines no wider than a terminal where its words allow, which a shell joins again.
+#[must_use]
+pub fn command_lines(command: &str) -> String {
+    const WIDTH: usize = 76;
+    let mut lines = String::from("    ");
+    let mut used = 4;
+    for (place, word) in command.split(' ').enumerate() {
+        let length = word.chars().count();
+        if place > 0 && (used + 1 + length > WIDTH || word == "--run") {
+            lines += " \\\n      ";
+            used = 6;
+        } else if place > 0 {
+            lines.push(' ');
+            used += 1;
+        }
+        lines += word;
+        used += length;
+    }
+    lines.push('\n');
+    lines
+}
+
 /// A number with so many decimals; a dash where it is undefined.
 #[must_use]
 pub fn number(value: &serde_json::Value, digits: usize) -> String {
@@ -180,11 +225,14 @@ pub fn grouped(number: u64) -> String {
     text
 }
 
-/// A curve of numbers in 0..1 as one line of blocks; undefined values are gaps.
+/// A curve of numbers in 0..1 as one line of at most `most` blocks; undefined values are gaps. Of more values, evenly
+/// spaced ones are shown, the first and the last among them.
 #[must_use]
-pub fn sparkline(values: impl Iterator<Item = f64>) -> String {
+pub fn sparkline(values: &[f64], most: usize) -> String {
     const BLOCKS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
-    values
+    let (count, last) = (values.len().min(most), values.len().saturating_sub(1));
+    (0..count)
+        .map(|place| if count > 1 { values[place * last / (count - 1)] } else { values[last] })
         .map(|x| if x.is_nan() { ' ' } else { BLOCKS[((x.clamp(0.0, 1.0) * 8.0) as usize).min(7)] })
         .collect()
 }
@@ -203,5 +251,31 @@ mod tests {
         assert!(lines[1].len() <= 80 && lines[1].len() > 72, "{}", lines[1].len());
         assert_eq!(lines[3], "warning: short");
         assert_eq!(warnings(&serde_json::json!({ "warnings": [] })), "");
+    }
+
+    #[test]
+    fn a_long_command_is_broken_where_a_shell_joins_it() {
+        let command = format!("program --runs {}", "folder/name ".repeat(12).trim());
+        let lines = command_lines(&command);
+        assert!(lines.lines().count() > 1 && lines.lines().all(|line| line.len() <= 80), "{lines}");
+        let joined = lines.replace("\\\n", "");
+        assert_eq!(joined.split_whitespace().collect::<Vec<_>>().join(" "), command);
+    }
+
+    #[test]
+    fn a_curve_keeps_its_ends_and_its_gaps() {
+        assert_eq!(sparkline(&[0.0, 0.5, f64::NAN, 1.0], 9), "▁▅ █");
+        let rising: Vec<f64> = (0..80).map(|i| f64::from(i) / 79.0).collect();
+        let line: Vec<char> = sparkline(&rising, 32).chars().collect();
+        assert_eq!((line.len(), line[0], line[31]), (32, '▁', '█'));
+        assert!(line.is_sorted());
+        assert_eq!(sparkline(&[], 5), "");
+        assert_eq!(sparkline(&[0.2], 1), "▂");
+    }
+
+    #[test]
+    fn words_are_coloured_only_where_colours_are_wanted() {
+        assert_eq!(painted("error:", Paint::Error, true), "\x1b[1;31merror:\x1b[0m");
+        assert_eq!(painted("hint:", Paint::Hint, false), "hint:");
     }
 }

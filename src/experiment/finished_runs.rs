@@ -12,6 +12,7 @@ use crate::files::{self, FileError};
 use super::paper_index::IndexEntry;
 use super::run_folder::{Manifest, RunFile};
 
+const MANIFEST: &str = "manifest.json";
 /// A manifest holds a run's small results; nobody needs a larger one.
 const LARGEST_MANIFEST: u64 = 64 << 20;
 
@@ -29,13 +30,9 @@ pub fn finished_runs(root: &Path) -> Result<Vec<FinishedRun>, FileError> {
     }
     let mut found: Vec<(SystemTime, FinishedRun)> = Vec::new();
     for folder in files::list(root)? {
-        let path = folder.join("manifest.json");
-        let Ok(bytes) = files::read_bounded(&path, LARGEST_MANIFEST) else { continue };
-        // Another program's manifest is none of ours.
-        let Ok(manifest) = serde_json::from_slice::<Manifest>(&bytes) else { continue };
-        let written = std::fs::metadata(&path).and_then(|data| data.modified());
-        let written = written.unwrap_or(SystemTime::UNIX_EPOCH);
-        found.push((written, FinishedRun { folder, manifest }));
+        let Some(run) = FinishedRun::read(&folder) else { continue };
+        let written = std::fs::metadata(folder.join(MANIFEST)).and_then(|data| data.modified());
+        found.push((written.unwrap_or(SystemTime::UNIX_EPOCH), run));
     }
     // Runs of one moment stay in the order of their names.
     found.sort_by_key(|(written, _)| std::cmp::Reverse(*written));
@@ -43,6 +40,14 @@ pub fn finished_runs(root: &Path) -> Result<Vec<FinishedRun>, FileError> {
 }
 
 impl FinishedRun {
+    /// The run in `folder`; `None` if there is no manifest of ours.
+    #[must_use]
+    pub fn read(folder: &Path) -> Option<Self> {
+        let bytes = files::read_bounded(&folder.join(MANIFEST), LARGEST_MANIFEST).ok()?;
+        let manifest = serde_json::from_slice(&bytes).ok()?;
+        Some(Self { folder: folder.to_path_buf(), manifest })
+    }
+
     /// The files of this run that belong to `entry`, intact; none if it is another run.
     #[must_use]
     pub fn files_of(&self, entry: &IndexEntry) -> Vec<PathBuf> {
@@ -57,14 +62,17 @@ impl FinishedRun {
         let wanted = ["svg", "pdf", "png", "parquet", "csv"];
         let names = wanted.map(|extension| format!("{}.{extension}", entry.file));
         let listed = self.manifest.files.iter().filter(|file| names.contains(&file.name));
-        let intact = |file: &RunFile| {
-            let found = files::sha256_of_file(&self.folder.join(&file.name));
-            found.is_ok_and(|sum| sum == file.sha256)
-        };
         // A figure whose PDF and table no longer belong together is none.
-        if !listed.clone().all(intact) {
-            return Vec::new();
-        }
-        listed.map(|file| self.folder.join(&file.name)).collect()
+        listed.map(|file| self.intact(file)).collect::<Option<_>>().unwrap_or_default()
+    }
+
+    /// A file of this run, if its content is still what the manifest says.
+    #[must_use]
+    pub fn intact(&self, file: &RunFile) -> Option<PathBuf> {
+        let path = self.folder.join(&file.name);
+        // A file of a run lies in its folder, whatever a manifest from elsewhere says.
+        let is_inside = path.parent() == Some(&self.folder) && path.file_name().is_some();
+        let is_same = || files::sha256_of_file(&path).is_ok_and(|sum| sum == file.sha256);
+        (is_inside && is_same()).then_some(path)
     }
 }

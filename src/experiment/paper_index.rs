@@ -39,7 +39,8 @@ pub enum Published {
     ExpertCurves,
 }
 
-const READ: &str = "arnold-analyze setup --arnold benchmarks && arnold-analyze evaluate --benchmarks data/final_benchmarks";
+const READ: &str = "arnold-analyze setup --arnold benchmarks && arnold-analyze evaluate --benchmarks \
+                    data/final_benchmarks";
 const READ_EXTRA: &str = "arnold-analyze setup --arnold extra_results && arnold-analyze evaluate --benchmarks \
                           data/final_benchmarks data/final_benchmarks_extra";
 const CSI: &str = "arnold-analyze csi --policy arnold --task hand";
@@ -66,7 +67,7 @@ impl IndexEntry {
 }
 
 /// In the order of the paper.
-pub const INDEX: [IndexEntry; 31] = [
+pub const INDEX: [IndexEntry; 33] = [
     entry("Fig. 3B", "fig3b_radar", "performance per task, radar", ("evaluate", "radar"), READ)
         .or(Published::Radar),
     entry("Fig. 3C", "fig3c_bars", "performance per task, bars", ("evaluate", "relative_performance"), READ)
@@ -95,6 +96,8 @@ pub const INDEX: [IndexEntry; 31] = [
     entry("Fig. S2", "figs2_multi_task", "learning of the baselines", ("curves", "curves"),
         "arnold-analyze curves --recipe multi-task --run mt_ppo:all=FILE.csv --run mt_sac:all=FILE.csv …")
         .recipe("multi-task", "mt_"),
+    entry("Fig. S3B", "figs3b_ppo_ablation", "rewards alone, with parts left out",
+        ("evaluate", "ppo_ablation"), READ_EXTRA),
     entry("Fig. S5", "figs5_vocabulary", "a vocabulary per task", ("evaluate", "vocabulary"), READ),
     entry("Fig. S6", "figs6_rl_finetuning", "fine-tuning by reinforcement", ("curves", "curves"),
         "arnold-analyze curves --recipe rl-finetuning --run obc:pen=DIR …")
@@ -111,6 +114,8 @@ pub const INDEX: [IndexEntry; 31] = [
     entry("Fig. S12", "figs12_history", "learning with other histories", ("curves", "curves"),
         "arnold-analyze curves --recipe multi-task --run original-random:all=FILE.csv …")
         .recipe("multi-task", "original"),
+    entry("Fig. S12", "figs12_history_bars", "returns with other histories", ("evaluate", "history"),
+        "arnold-analyze evaluate --benchmarks HISTORIES.json"),
     entry("Fig. S14", "figs14_csi_learning", "learning in a subspace", ("curves", "curves"),
         "arnold-analyze curves --recipe csi-finetuning --run 20:pen=DIR …")
         .recipe("csi-finetuning", ""),

@@ -43,6 +43,27 @@ impl Axis {
         Self { low: -below * step, high: above * step, ticks }
     }
 
+    /// From zero to at least `high` things, which are counted in whole steps.
+    pub(super) fn of_whole_numbers(high: f64, intervals: usize) -> Self {
+        let axis = Self::from_zero(high, intervals);
+        let step = axis.ticks[1];
+        if step.fract() == 0.0 {
+            return axis;
+        }
+        // Of the round steps only 2.5 and those below one have a fraction.
+        let step = if step > 1.0 { 5.0 } else { 1.0 };
+        let count = (high / step - 1e-9).ceil().max(1.0);
+        let ticks: Vec<f64> = (0..=count as usize).map(|i| i as f64 * step).collect();
+        Self { low: 0.0, high: count * step, ticks }
+    }
+
+    /// Cut off at `end`, with the ticks up to there; an axis that ends before stays.
+    pub(super) fn ending_at(mut self, end: f64) -> Self {
+        self.ticks.retain(|&tick| tick <= end * (1.0 + 1e-9));
+        self.high = self.high.min(end);
+        self
+    }
+
     /// From 1 to `largest` components, both with a tick, with some room on either side.
     pub(super) fn of_counts(largest: usize) -> Self {
         let largest = largest.max(1) as f64;
@@ -74,7 +95,8 @@ impl Axis {
                 self.ticks.iter().all(|tick| (tick * scale - (tick * scale).round()).abs() < 1e-6)
             })
             .unwrap_or(6);
-        self.ticks.iter().map(|tick| format!("{tick:.*}", places as usize)).collect()
+        let label = |tick: &f64| format!("{tick:.*}", places as usize).replace('-', "−");
+        self.ticks.iter().map(label).collect()
     }
 }
 
@@ -196,13 +218,24 @@ mod tests {
     }
 
     #[test]
+    fn things_are_counted_in_whole_steps_and_an_axis_may_be_cut() {
+        assert_eq!(Axis::of_whole_numbers(11.5, 5).labels(), ["0", "5", "10", "15"]);
+        assert_eq!(Axis::of_whole_numbers(5.0, 2).labels(), ["0", "5"]);
+        assert_eq!(Axis::of_whole_numbers(2.0, 5).labels(), ["0", "1", "2"]);
+        assert_eq!(Axis::of_whole_numbers(40.0, 2).labels(), ["0", "20", "40"]);
+        let cut = Axis::from_zero(151.0, 5).ending_at(155.0);
+        assert_eq!((cut.labels().join(" "), cut.high), ("0 50 100 150".to_owned(), 155.0));
+        assert_eq!(Axis::from_zero(1.0, 5).ending_at(3.0), Axis::from_zero(1.0, 5));
+    }
+
+    #[test]
     fn an_axis_through_zero_reaches_both_ends() {
-        assert_eq!(Axis::through_zero(-21.3, -12.0, 4).labels(), ["-30", "-20", "-10", "0"]);
+        assert_eq!(Axis::through_zero(-21.3, -12.0, 4).labels(), ["−30", "−20", "−10", "0"]);
         assert_eq!(Axis::through_zero(0.0, 3.2, 4).labels(), ["0", "1", "2", "3", "4"]);
         assert_eq!(Axis::through_zero(f64::NAN, f64::NAN, 4).labels(), ["0", "1"]);
         assert_eq!(
             Axis::through_zero(-1.0, 1.0, 4).labels(),
-            ["-1.0", "-0.5", "0.0", "0.5", "1.0"]
+            ["−1.0", "−0.5", "0.0", "0.5", "1.0"]
         );
     }
 

@@ -70,7 +70,7 @@ impl Basis {
         match self {
             Self::TaskSpecific => "Task-specific",
             Self::Pooled => "Pooled",
-            Self::Expert => "Expert",
+            Self::Expert => "Expert's",
             Self::Other => "Another policy's",
         }
     }
@@ -184,7 +184,14 @@ impl CsiFigure {
         bases.dedup();
         let mut entries: Vec<Entry> = bases
             .into_iter()
-            .map(|basis| Entry::new(Sample::LineWithBand(performance_stroke(basis)), basis.label()))
+            .map(|basis| {
+                let stroke = performance_stroke(basis);
+                let sample = match self.uncertainty {
+                    Uncertainty::Unknown => Sample::Line(stroke),
+                    _ => Sample::LineWithBand(stroke),
+                };
+                Entry::new(sample, basis.label())
+            })
             .collect();
         let dashed = Sample::Line(Stroke::dashed(GREY, 0.9));
         entries.push(Entry::new(dashed, self.reconstruction.label()));
@@ -231,7 +238,9 @@ impl Layout {
         let columns = figure.panels.len().min(most);
         let rows = figure.panels.len().div_ceil(columns);
         let whole = figure.performance.whole();
-        let performance = Axis::from_zero(highest(figure).max(whole), 5);
+        let highest = highest(figure).max(whole);
+        // Up to a little above the highest value, not to the tick beyond it: few panels need that room.
+        let performance = Axis::from_zero(highest, 5).ending_at(1.04 * highest);
         // Ticks of both axes lie at the same heights, as far as shares go.
         let shares = performance.ticks.iter().map(|tick| tick / whole);
         let explained = Axis {

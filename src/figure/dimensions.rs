@@ -125,7 +125,8 @@ impl DimensionFigure {
         let highest = averages.filter(|x| x.is_finite()).fold(0.0, f64::max);
         let x = Axis { low: 0.0, high: self.panels.len() as f64, ticks: Vec::new() };
         let title = "Apparent dimensionality";
-        let frame = framed(canvas, place, title, x, Axis::from_zero(highest, 5), "Components");
+        let frame =
+            framed(canvas, place, title, x, Axis::of_whole_numbers(highest, 5), "Components");
         let room = 0.8 * frame.area.width / (self.panels.len() * self.policies.len()) as f64;
         let width = room.min(20.0);
         for (group, panel) in self.panels.iter().enumerate() {

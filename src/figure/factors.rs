@@ -109,7 +109,7 @@ impl FactorFigure {
             }
             let name = format!("F{}, {:.1} %", index + 1, 100.0 * factor.share);
             let style = TextStyle { bold: true, ..TextStyle::new(SMALL_SIZE, Anchor::End) };
-            canvas.text((area.right(), area.top + 0.3 * SMALL_SIZE), &name, style);
+            canvas.text((area.right(), area.top - 1.2), &name, style);
         }
     }
 

@@ -89,9 +89,14 @@ impl GroupedBarFigure {
         let frame = Frame { area, x: Axis { low: 0.0, high: self.extent(), ticks: Vec::new() }, y };
         let names: Vec<String> =
             self.groups.iter().map(|name| shortened(name, SMALL_SIZE, false, 110.0)).collect();
-        let slope = SLOPE.to_radians();
-        let longest = names.iter().map(|name| text_width(name, SMALL_SIZE, false));
-        let names_height = longest.fold(0.0, f64::max) * slope.sin() + SMALL_SIZE + 3.0;
+        let average = self.has_average().then_some("Average");
+        let widths = names.iter().map(String::as_str).chain(average);
+        let widths = widths.map(|name| text_width(name, SMALL_SIZE, false));
+        let longest = widths.fold(0.0, f64::max);
+        // Short names need no slope.
+        let is_level = longest + 4.0 <= area.width / self.extent() * SPACING;
+        let slope = if is_level { 0.0 } else { SLOPE };
+        let names_height = longest * slope.to_radians().sin() + SMALL_SIZE + 5.0;
         let footer_top = area.bottom() + names_height;
         let height = footer_top + (footer.len() as f64 + 0.4) * LINE + MARGIN;
 
@@ -103,7 +108,8 @@ impl GroupedBarFigure {
         }
         for (place, name) in names.iter().enumerate() {
             let bars: Vec<_> = self.series.iter().map(|series| series.bars.get(place)).collect();
-            self.draw_group(&mut canvas, &frame, (place as f64 + 0.5) * SPACING, &bars, name);
+            self.draw_group(&mut canvas, &frame, (place as f64 + 0.5) * SPACING, &bars);
+            draw_name(&mut canvas, &frame, (place as f64 + 0.5) * SPACING, name, slope);
         }
         if self.has_average() {
             let x = frame.x_at(self.groups.len() as f64 * SPACING + DIVIDER / 2.0);
@@ -111,7 +117,8 @@ impl GroupedBarFigure {
             canvas.line((x, area.top), (x, area.bottom()), stroke);
             let bars: Vec<_> = self.series.iter().map(|series| series.average.as_ref()).collect();
             let middle = (self.groups.len() as f64 + 0.5) * SPACING + DIVIDER;
-            self.draw_group(&mut canvas, &frame, middle, &bars, "Average");
+            self.draw_group(&mut canvas, &frame, middle, &bars);
+            draw_name(&mut canvas, &frame, middle, "Average", slope);
         }
         frame.draw_left(&mut canvas, true);
         let zero = frame.y_at(0.0);
@@ -132,7 +139,6 @@ impl GroupedBarFigure {
         frame: &Frame,
         middle: f64,
         bars: &[Option<&GroupedBar>],
-        name: &str,
     ) {
         let middle = frame.x_at(middle);
         let unit = frame.area.width / self.extent();
@@ -175,9 +181,6 @@ impl GroupedBarFigure {
                 canvas.text((centre, frame.area.top - 3.0), &bar.note, style);
             }
         }
-        let at = (middle + 2.0, frame.area.bottom() + SMALL_SIZE + 1.0);
-        let style = TextStyle { rotation: -SLOPE, ..TextStyle::new(SMALL_SIZE, Anchor::End) };
-        canvas.text(at, name, style);
     }
 
     fn has_average(&self) -> bool {
@@ -227,6 +230,17 @@ impl GroupedBarFigure {
             entries.push(Entry::new(Sample::Line(Stroke::dashed(WHOLE, 0.8)), name));
         }
         entries
+    }
+}
+
+/// The name below a group, sloping or level.
+fn draw_name(canvas: &mut Canvas, frame: &Frame, middle: f64, name: &str, slope: f64) {
+    let (x, y) = (frame.x_at(middle), frame.area.bottom() + SMALL_SIZE + 1.0);
+    if slope == 0.0 {
+        canvas.text((x, y + 2.0), name, TextStyle::new(SMALL_SIZE, Anchor::Middle));
+    } else {
+        let style = TextStyle { rotation: -slope, ..TextStyle::new(SMALL_SIZE, Anchor::End) };
+        canvas.text((x + 2.0, y), name, style);
     }
 }
 

@@ -121,7 +121,9 @@ impl LineGridFigure {
 
     fn draw_panel(&self, canvas: &mut Canvas, frame: &Frame, panel: &LinePanel) {
         let area = frame.area;
-        canvas.clipped(area.grown(0.8), |canvas| {
+        // Dots at the edge are drawn whole; lines that go on beyond a given end are cut.
+        let room = if self.x_end.is_some() { 0.8 } else { 2.2 };
+        canvas.clipped(area.grown(room), |canvas| {
             if let Some((value, _)) = self.line {
                 let y = frame.y_at(value);
                 canvas.line((area.left, y), (area.right(), y), Stroke::dashed(WHOLE, 0.7));
@@ -185,11 +187,20 @@ impl LineGridFigure {
         let points =
             series.flat_map(|series| series.mean.iter().chain(series.seeds.iter().flatten()));
         let last = points.map(|(x, _)| *x).filter(|x| x.is_finite()).fold(0.0, f64::max);
+        let last = if last > 0.0 { last } else { 1.0 };
         let intervals = if panels.len() == 1 && self.panels.len() == 1 { 5 } else { 2 };
         match self.x_end {
-            Some(end) => ending_at(end, Axis::from_zero(end, intervals)),
-            None => Axis::from_zero(last, intervals),
+            Some(end) => Axis::from_zero(end, intervals).ending_at(end),
+            None if self.counts_across() => Axis::of_whole_numbers(last, intervals).ending_at(last),
+            None => Axis::from_zero(last, intervals).ending_at(last),
         }
+    }
+
+    /// Whether all positions across are whole numbers, as numbers of components are.
+    fn counts_across(&self) -> bool {
+        let mut positions =
+            self.panels.iter().flat_map(|panel| &panel.series).flat_map(|s| &s.mean);
+        positions.all(|(x, _)| x.fract() == 0.0)
     }
 
     fn y_axis(&self) -> Axis {
@@ -203,18 +214,12 @@ impl LineGridFigure {
             .filter(|y| y.is_finite())
             .fold((0.0, 0.0), |(low, high), y| (f64::min(low, y), f64::max(high, y)));
         match self.y_end {
-            Some(end) => ending_at(end, Axis::from_zero(end, 6)),
+            Some(end) => Axis::from_zero(end, 6).ending_at(end),
             // Smoothing may swing a hair below zero: that needs no axis of its own.
             None if low > -0.05 * high => Axis::from_zero(high, 5),
             None => Axis::through_zero(low, high, 5),
         }
     }
-}
-
-/// The axis cut off at `end`, with the ticks up to there.
-fn ending_at(end: f64, mut axis: Axis) -> Axis {
-    axis.ticks.retain(|&tick| tick <= end * (1.0 + 1e-9));
-    Axis { high: end, ..axis }
 }
 
 /// At most [`MOST_POINTS`] of `points`, evenly spaced, the first and the last among them.

@@ -195,7 +195,7 @@ fn draw_brackets(canvas: &mut Canvas, frame: &Frame, panel: &MetricPanel) {
         let points = [(x[0], y + 2.0), (x[0], y), (x[1], y), (x[1], y + 2.0)];
         canvas.polyline(&points, Stroke::solid(BLACK, 0.6));
         let stars = if bracket.p < TWO_STARS { "**" } else { "*" };
-        let at = (f64::midpoint(x[0], x[1]), y + 1.6);
+        let at = (f64::midpoint(x[0], x[1]), y + 0.2);
         canvas.text(at, stars, TextStyle::new(SMALL_SIZE, Anchor::Middle));
     }
 }

@@ -14,6 +14,7 @@ mod export;
 mod factors;
 mod fonts;
 mod grouped_bars;
+mod inline;
 mod legend;
 mod line_grid;
 mod metrics;
@@ -24,6 +25,7 @@ mod pdf;
 mod radar;
 #[cfg(test)]
 mod testing;
+mod theme;
 
 pub use bars::{Bar, BarFigure, BarSeries};
 pub use changes::{ChangeDot, ChangeFigure};
@@ -33,11 +35,13 @@ pub use dimensions::{DimensionBar, DimensionFigure, DimensionPanel};
 pub use export::{PNG_DPI, pdf_from_svg, png_from_svg, write_figure};
 pub use factors::{FactorFigure, FactorPanel};
 pub use grouped_bars::{GroupedBar, GroupedBarFigure, GroupedSeries};
+pub use inline::{InlineSvg, colour_rules, inline_svg};
 pub use line_grid::{LineGridFigure, LinePanel, LineSeries};
 pub use metrics::{Bracket, MetricBar, MetricPanel, MetricsFigure};
 pub use muscle_correlations::{CorrelationBar, CorrelationFigure};
 pub use muscle_profiles::{ProfileFigure, ProfilePanel};
 pub use radar::{RadarFigure, RadarSeries};
+pub use theme::Theme;
 
 use crate::files::FileError;
 

@@ -56,7 +56,7 @@ impl CorrelationFigure {
             left,
             top: MARGIN + 5.0 + self.different.len() as f64 * BRACKET,
             // Few bars need no whole column.
-            width: (width - left - MARGIN).min(52.0 * self.bars.len() as f64),
+            width: (width - left - MARGIN).min(74.0 * self.bars.len() as f64),
             height: HEIGHT,
         };
         let x = Axis { low: 0.0, high: self.bars.len() as f64, ticks: Vec::new() };
@@ -78,7 +78,7 @@ impl CorrelationFigure {
             let (from, to) = (frame.x_at(a as f64 + 0.55), frame.x_at(b as f64 + 0.45));
             canvas.line((from, bracket), (to, bracket), Stroke::solid(BLACK, 0.7));
             let style = TextStyle::new(LABEL_SIZE, Anchor::Middle);
-            canvas.text((f64::midpoint(from, to), bracket + 1.5), "*", style);
+            canvas.text((f64::midpoint(from, to), bracket + 0.4), "*", style);
         }
         let position = (MARGIN + 0.8 * LABEL_SIZE, area.top + area.height / 2.0);
         let style = TextStyle { rotation: -90.0, ..TextStyle::new(LABEL_SIZE, Anchor::Middle) };
@@ -169,7 +169,7 @@ mod tests {
     #[test]
     fn the_axis_reaches_below_zero_only_if_somebody_does() {
         assert_eq!(figure(0.1).vertical().labels().join(" "), "0.00 0.25 0.50 0.75 1.00");
-        assert!(figure(-0.3).vertical().labels().join(" ").starts_with("-0.50 -0.25 0.00"));
+        assert!(figure(-0.3).vertical().labels().join(" ").starts_with("−0.50 −0.25 0.00"));
         let empty = CorrelationFigure { bars: Vec::new(), ..figure(0.1) };
         assert!(matches!(empty.to_svg(), Err(FigureError::Empty)));
     }

@@ -3,6 +3,7 @@
 //! * a JSON file of records: one seed;
 //! * a JSON file of lists of paths: a selection; the paths start at the nearest folder above it below which the first
 //!   of them exists;
+//! * a JSON file from policy to records: several policies that differ in one thing, as in the ablation of the history;
 //! * a folder with `results.json`: a run of `evaluate`, one seed;
 //! * a folder with `*_results.json`: one seed, its files merged by task; the experts, if all names start with `expert`;
 //! * any other folder: a tree of methods.
@@ -33,6 +34,8 @@ pub enum BenchmarkInput {
     Experts(Benchmark),
     /// Methods with their seeds.
     Selection(BTreeMap<String, Vec<SeedResult>>),
+    /// The records of several policies in one file.
+    Several(BTreeMap<String, Benchmark>),
     Tree(SurveyedTree),
 }
 
@@ -57,6 +60,13 @@ pub fn read_benchmark_input(path: &Path) -> Result<BenchmarkInput, RecordError> 
 }
 
 fn read_file(path: &Path) -> Result<BenchmarkInput, RecordError> {
+    // A record holds numbers and lists, so it is never mistaken for the tasks of a policy.
+    match read_json::<BTreeMap<String, Benchmark>>(path) {
+        Ok(policies) if policies.values().any(|tasks| !tasks.is_empty()) => {
+            return Ok(BenchmarkInput::Several(policies));
+        }
+        _ => {}
+    }
     let error = match read_benchmark(path) {
         Ok(tasks) => return Ok(BenchmarkInput::Seed(SeedResult { tasks, path: path.into() })),
         Err(error) => error,
@@ -100,6 +110,12 @@ mod tests {
         let read = |path: &str| read_benchmark_input(&root.join(path)).unwrap();
         assert!(matches!(read("runs/evaluate-1"), BenchmarkInput::Seed(_)));
         assert!(matches!(read("runs/evaluate-1/results.json"), BenchmarkInput::Seed(_)));
+        write(
+            root,
+            "data/bilateral.json",
+            r#"{"a": {"pen": {"avg_solved": 1}}, "b": {"pen": {}}}"#,
+        );
+        assert!(matches!(read("data/bilateral.json"), BenchmarkInput::Several(p) if p.len() == 2));
         assert!(matches!(read("data/one"), BenchmarkInput::Seed(_)));
         assert!(matches!(read("data/experts"), BenchmarkInput::Experts(e) if e.len() == 2));
         assert!(matches!(read("data/tree"), BenchmarkInput::Tree((t, _)) if t.methods.len() == 1));

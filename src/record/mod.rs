@@ -46,6 +46,8 @@ pub mod recording;
 #[cfg(feature = "parquet")]
 mod recording_parquet;
 mod result_files;
+mod rows;
+mod signal_selection;
 mod subspace_curves;
 mod table;
 
@@ -77,6 +79,8 @@ pub use recording::{
     About, Channel, Element, Episode, EpisodeFacts, Precision, Recording, Samples, Seeds, Stacked,
     Timing, names,
 };
+pub use rows::Rows;
+pub use signal_selection::{SelectedSignal, SignalSelection, read_signal_selection};
 pub use subspace_curves::{SubspacePoint, read_subspace_curves};
 pub use table::{Column, Table, Values};
 

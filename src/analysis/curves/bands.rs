@@ -22,6 +22,16 @@ pub struct Band {
 }
 
 impl Band {
+    /// Standard error of the mean at a place of the band, divisor n − 1; NaN for fewer than two seeds.
+    #[must_use]
+    pub fn standard_error(&self, place: usize) -> f64 {
+        match self.count[place] {
+            0 | 1 => f64::NAN,
+            // The deviation has divisor n: s² / n = d² / (n − 1).
+            count => self.standard_deviation[place] / ((count - 1) as f64).sqrt(),
+        }
+    }
+
     fn push(&mut self, step: f64, values: &[f64]) {
         self.steps.push(step);
         self.mean.push(mean(values).unwrap_or(f64::NAN));
@@ -98,6 +108,10 @@ mod tests {
         let band = band_over_shared_steps(&curves).unwrap();
         assert_eq!((&band.steps[..], &band.mean[..]), (&[2.0, 4.0][..], &[2.0, 5.0][..]));
         assert_eq!(band.standard_deviation, [1.0, 0.0]);
+        // Of 1 and 3: standard deviation √2 with divisor n − 1, over √2 seeds.
+        assert!((band.standard_error(0) - 1.0).abs() < 1e-15);
+        let alone = band_over_shared_steps(&curves[..1]).unwrap();
+        assert!(alone.standard_error(0).is_nan());
         let apart = [curve(&[(1.0, 0.0)]), curve(&[(2.0, 0.0)])];
         assert_eq!(band_over_shared_steps(&apart), Err(CurveError::NoSharedStep { curves: 2 }));
         assert_eq!(band_over_shared_steps(&[]), Err(CurveError::NoCurves));

@@ -262,6 +262,9 @@ fn quick(options: &CsiOptions) -> Value {
     })
 }
 
+/// Blocks of a curve in the table, which so is no wider than a terminal.
+const CURVE: usize = 32;
+
 /// A count of factorisations, which takes itself away with the last one.
 fn count_fits(context: &Context, total: usize) -> Box<dyn Fn() + Sync> {
     let progress = Progress::start(context, "csi", "factorisations", total as u64);
@@ -272,10 +275,10 @@ fn table(result: &Value) -> String {
     let columns = [
         ("task", Align::Left),
         ("basis", Align::Left),
-        ("unprojected", Align::Right),
-        ("90 % at", Align::Right),
-        ("95 % at", Align::Right),
-        ("solved fraction by number of components", Align::Left),
+        ("free", Align::Right),
+        ("90 %", Align::Right),
+        ("95 %", Align::Right),
+        ("solved with 1 … all", Align::Left),
     ];
     let mut rows = Vec::new();
     for (key, basis) in [("tasks", "task"), ("pooled", "pooled")] {
@@ -296,12 +299,15 @@ fn table(result: &Value) -> String {
                 unprojected.map_or_else(|| "–".to_owned(), |x| format!("{x:.3}")),
                 needed("90%"),
                 needed("95%"),
-                render::sparkline(solved.map(|x| x.as_f64().unwrap_or(f64::NAN))),
+                render::sparkline(
+                    &solved.map(|x| x.as_f64().unwrap_or(f64::NAN)).collect::<Vec<_>>(),
+                    CURVE,
+                ),
             ]);
         }
     }
     let mut text = render::table(&columns, &rows);
-    text.push_str("\n90 % at, 95 % at: fewest components that keep that share of the unprojected performance\n");
+    text.push_str("\nfree: solved fraction, not projected; 90 %, 95 %: fewest components that keep\nthat share of it; the curve goes from 0 to 1\n");
     if let Some(note) = result["budget"]["note"].as_str() {
         text.extend(["\nQuick: ", note, "\n"]);
     }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
 use crate::cli::context::{Context, Outcome};
@@ -10,7 +10,8 @@ use crate::cli::finish::{self, Output};
 use crate::cli::laboratory::PlayArguments;
 use crate::cli::render::{self, Align, Hinted};
 use crate::experiment::benchmarks::{
-    self, BenchmarkError, Capacity, CsiFinetuning, Performance, REFERENCE, Results, Vocabulary,
+    self, BenchmarkError, Capacity, CsiFinetuning, History, MetricMap, Performance, REFERENCE,
+    Results, Vocabulary,
 };
 use crate::files;
 
@@ -34,6 +35,18 @@ pub struct BenchmarkArguments {
     /// A seed without a task leaves that cell undefined, and is no error
     #[arg(long, requires = "benchmarks")]
     allow_missing: bool,
+    /// What counts as performance of a task
+    #[arg(long, value_enum, default_value_t = MetricName::Fraction, requires = "benchmarks")]
+    metric_map: MetricName,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum MetricName {
+    /// Solved steps / horizon
+    Fraction,
+    /// The same, but in `reorient` and `relocate` the share of episodes solved at any step, as the radar of the authors'
+    /// first release; the printed values are never of this kind
+    Radar,
 }
 
 impl BenchmarkArguments {
@@ -67,7 +80,11 @@ pub fn run(
     arguments: &BenchmarkArguments,
     play: &PlayArguments,
 ) -> anyhow::Result<Outcome> {
-    let mut results = Results::default();
+    let metric = match arguments.metric_map {
+        MetricName::Fraction => MetricMap::Fraction,
+        MetricName::Radar => MetricMap::Radar,
+    };
+    let mut results = Results::measured_by(metric);
     for (name, path) in &arguments.benchmarks {
         results.add(name.as_deref(), path).map_err(|error| with_hint(error, arguments))?;
     }
@@ -86,6 +103,7 @@ pub fn run(
         "tasks": results.tasks,
         "reference": arguments.reference,
         "allow_missing": arguments.allow_missing,
+        "metric_map": metric.name(),
     });
     let (folder, finished) = finish::open_below(context, play.out(), "evaluate", &plan)?;
     let manifest = if let Some(manifest) = finished {
@@ -123,7 +141,8 @@ fn add_experts(
 }
 
 fn read_files(results: &Results) -> usize {
-    results.methods.values().map(Vec::len).sum::<usize>() + results.csi.len()
+    let several = usize::from(!results.history.is_empty());
+    results.methods.values().map(Vec::len).sum::<usize>() + results.csi.len() + several
 }
 
 /// A hash of every number that was read, by method and seed.
@@ -139,6 +158,7 @@ fn digest(results: &Results) -> Value {
         "experts": hash(format!("{:?}", results.experts)),
         "methods": methods.collect::<serde_json::Map<_, _>>(),
         "csi": hash(format!("{:?}", csi.collect::<Vec<_>>())),
+        "history": hash(format!("{:?}", results.history)),
     })
 }
 
@@ -148,8 +168,14 @@ fn write(
     results: &Results,
     performance: &Performance,
 ) -> anyhow::Result<Value> {
-    output.tidy("experts", &benchmarks::expert_table(results)?)?;
-    output.figure("experts", &benchmarks::expert_figure(results).to_svg()?)?;
+    if !results.experts.is_empty() {
+        output.tidy("experts", &benchmarks::expert_table(results)?)?;
+        output.figure("experts", &benchmarks::expert_figure(results).to_svg()?)?;
+    }
+    if let Some(history) = History::of(results) {
+        output.tidy("history", &history.table()?)?;
+        output.figure("history", &history.figure().to_svg()?)?;
+    }
     let mut document = performance.document();
     document["experts"] = benchmarks::expert_document(results);
     document["input"] = json!({"played": false, "result_files": read_files(results)});
@@ -177,6 +203,9 @@ fn write(
     }
     if let Some(figure) = performance.bar_figure(results) {
         output.figure("relative_performance", &figure.to_svg()?)?;
+    }
+    if let Some(figure) = performance.ppo_figure(results) {
+        output.figure("ppo_ablation", &figure.to_svg()?)?;
     }
     if let Some(figure) = performance.radar_figure() {
         output.figure("radar", &figure.to_svg()?)?;
@@ -254,7 +283,11 @@ fn text(result: &Value) -> String {
     if methods.is_none_or(serde_json::Map::is_empty) {
         return expert_text(result);
     }
-    text += "Relative performance, percent of the expert, by family\n\n";
+    text += "Relative performance, percent of the expert, by family\n";
+    if result["metric_map"] == "radar" {
+        text += "Die reorient and Object relocation: share of episodes solved at any step\n";
+    }
+    text += "\n";
     let families: Vec<String> = methods
         .into_iter()
         .flatten()
@@ -325,23 +358,18 @@ fn test_text(result: &Value) -> String {
         ("printed W", Align::Right),
         ("p Holm", Align::Right),
     ];
-    let mut rows: Vec<Vec<String>> = result["tests"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .map(|row| {
-            let published = &row["published"];
-            vec![
-                row["label"].as_str().unwrap_or_default().to_owned(),
-                render::number(&row["W"], 0),
-                render::probability(&row["p"]),
-                render::probability(&row["p_holm"]),
-                render::number(&row["rank_biserial"], 3),
-                render::number(&published["W"], 0),
-                render::probability(&published["p_holm"]),
-            ]
-        })
-        .collect();
+    let mut rows = rows_of(&result["tests"], |row| {
+        let published = &row["published"];
+        vec![
+            row["label"].as_str().unwrap_or_default().to_owned(),
+            render::number(&row["W"], 0),
+            render::probability(&row["p"]),
+            render::probability(&row["p_holm"]),
+            render::number(&row["rank_biserial"], 3),
+            render::number(&published["W"], 0),
+            render::probability(&published["p_holm"]),
+        ]
+    });
     let overall = &result["overall"];
     rows.push(vec![
         "experts (no Holm)".to_owned(),
@@ -372,35 +400,35 @@ fn improvement_text(result: &Value) -> String {
         ("printed t", Align::Right),
         ("p", Align::Right),
     ];
-    let rows: Vec<Vec<String>> = result["improvements"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .map(|row| {
-            let published = &row["published"];
-            vec![
-                short(row["task"].as_str().unwrap_or_default()).to_owned(),
-                render::number(&row["expert"], 3),
-                render::number(&row["solved_fraction"], 3),
-                render::number(&row["improvement"], 2),
-                render::number(&row["sem"], 2),
-                render::number(&row["t"], 3),
-                render::probability(&row["p_holm"]),
-                render::number(&published["t"], 3),
-                if published["p_is_bound"] == true {
-                    "<.0001".to_owned()
-                } else {
-                    render::probability(&published["p_holm"])
-                },
-            ]
-        })
-        .collect();
+    let rows = rows_of(&result["improvements"], |row| {
+        let published = &row["published"];
+        vec![
+            short(row["task"].as_str().unwrap_or_default()).to_owned(),
+            render::number(&row["expert"], 3),
+            render::number(&row["solved_fraction"], 3),
+            render::number(&row["improvement"], 2),
+            render::number(&row["sem"], 2),
+            render::number(&row["t"], 3),
+            render::probability(&row["p_holm"]),
+            render::number(&published["t"], 3),
+            if published["p_is_bound"] == true {
+                "<.0001".to_owned()
+            } else {
+                render::probability(&published["p_holm"])
+            },
+        ]
+    });
     let seeds = &result["improvements"][0]["n_seeds"];
     format!(
         "{label} against the expert of each task: t test over seeds (n = {seeds}), greater,\nHolm over the tasks; \
          unit of replication: seed\n\n{}\n",
         render::table(&columns, &rows)
     )
+}
+
+/// A row of a table for every entry of a list.
+fn rows_of(list: &Value, row: impl Fn(&Value) -> Vec<String>) -> Vec<Vec<String>> {
+    list.as_array().into_iter().flatten().map(row).collect()
 }
 
 fn reference_label(result: &Value) -> String {
@@ -416,20 +444,15 @@ fn expert_text(result: &Value) -> String {
         ("episodes", Align::Right),
         ("printed", Align::Right),
     ];
-    let rows: Vec<Vec<String>> = result["experts"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .map(|row| {
-            vec![
-                row["task"].as_str().unwrap_or_default().to_owned(),
-                render::number(&row["solved_fraction"], 4),
-                render::number(&row["sem"], 4),
-                render::number(&row["n_episodes"], 0),
-                render::number(&row["published"], 3),
-            ]
-        })
-        .collect();
+    let rows = rows_of(&result["experts"], |row| {
+        vec![
+            row["task"].as_str().unwrap_or_default().to_owned(),
+            render::number(&row["solved_fraction"], 4),
+            render::number(&row["sem"], 4),
+            render::number(&row["n_episodes"], 0),
+            render::number(&row["published"], 3),
+        ]
+    });
     render::table(&columns, &rows) + "\nRead from result files; nothing was played\n"
 }
 

@@ -11,9 +11,10 @@ use crate::experiment::benchmarks::{
     PrintedTable, Results, expert_figure, expert_table, printed_ablation, printed_radar,
 };
 use crate::experiment::finished_runs::{FinishedRun, finished_runs};
+use crate::experiment::gallery::{self, Picture};
 use crate::experiment::paper_index::{INDEX, IndexEntry, Published};
 use crate::experiment::published_curves::PublishedCurves;
-use crate::figure::{Basis, write_figure};
+use crate::figure::{Basis, Theme, write_figure};
 use crate::files;
 use crate::record::{SubspacePoint, Table, read_subspace_curves, write_csv, write_parquet};
 
@@ -32,6 +33,9 @@ pub struct FiguresArguments {
     /// Folder for the figures and tables
     #[arg(long, value_name = "DIR", default_value = "figures")]
     out: PathBuf,
+    /// Write `README.md` there, too: a page with a picture of each, and of every other figure of the finished runs
+    #[arg(long)]
+    gallery: bool,
 }
 
 /// Where published results of experts may lie in the data folder.
@@ -77,7 +81,10 @@ pub fn run(context: &Context, arguments: &FiguresArguments) -> anyhow::Result<Ou
     let sources = Sources::find(context, arguments, &runs)?;
     let mut made = Vec::new();
     for entry in chosen {
-        made.push(make(entry, &runs, &sources, &arguments.out)?);
+        made.push(make(entry, &runs, &sources, &arguments.out, context.theme)?);
+    }
+    if arguments.gallery {
+        write_gallery(context, &made, &runs, &arguments.out)?;
     }
     if context.json {
         render::print_json(&document(&made))?;
@@ -156,23 +163,18 @@ fn make(
     runs: &[FinishedRun],
     sources: &Sources,
     out: &Path,
+    theme: Theme,
 ) -> anyhow::Result<Made> {
     for run in runs {
         let there = run.files_of(&entry);
         if there.is_empty() {
             continue;
         }
-        let mut copied = Vec::new();
-        for path in there {
-            let extension = path.extension().unwrap_or_default().to_string_lossy().into_owned();
-            let target = out.join(format!("{}.{extension}", entry.stem));
-            files::write_atomic(&target, &files::read_bounded(&path, LARGEST_FILE)?)?;
-            copied.push(target);
-        }
+        let copied = copy(&there, &out.join(entry.stem), theme)?;
         let from = format!("run {}", run.folder.file_name().unwrap_or_default().to_string_lossy());
         return Ok(Made { entry, from: Some(from), files: copied });
     }
-    let mut sheet = Sheet { stem: out.join(entry.stem), files: Vec::new() };
+    let mut sheet = Sheet { stem: out.join(entry.stem), theme, files: Vec::new() };
     let from = match entry.published {
         Some(published) => sheet.draw(published, sources)?,
         None => None,
@@ -180,15 +182,39 @@ fn make(
     Ok(Made { entry, from, files: sheet.files })
 }
 
+/// The files of an entry under its own name; figures that are not for print are drawn again from their SVG.
+fn copy(there: &[PathBuf], stem: &Path, theme: Theme) -> anyhow::Result<Vec<PathBuf>> {
+    let mut copied = Vec::new();
+    for path in there {
+        let extension = path.extension().unwrap_or_default().to_string_lossy().into_owned();
+        let is_drawing = ["svg", "pdf", "png"].contains(&extension.as_str());
+        let bytes = files::read_bounded(path, LARGEST_FILE)?;
+        if is_drawing && theme != Theme::Light {
+            if extension == "svg" {
+                let svg = theme.apply(&String::from_utf8_lossy(&bytes));
+                copied.extend(write_figure(stem, &svg)?);
+            }
+            continue;
+        }
+        let mut name = stem.file_name().unwrap_or_default().to_os_string();
+        name.push(format!(".{extension}"));
+        let target = stem.with_file_name(name);
+        files::write_atomic(&target, &bytes)?;
+        copied.push(target);
+    }
+    Ok(copied)
+}
+
 /// The files of one entry.
 struct Sheet {
     stem: PathBuf,
+    theme: Theme,
     files: Vec<PathBuf>,
 }
 
 impl Sheet {
     fn figure(&mut self, svg: &str) -> anyhow::Result<()> {
-        self.files.extend(write_figure(&self.stem, svg)?);
+        self.files.extend(write_figure(&self.stem, &self.theme.apply(svg))?);
         Ok(())
     }
 
@@ -260,6 +286,62 @@ impl Sheet {
     }
 }
 
+/// The page, and the figures of runs that no entry took.
+fn write_gallery(
+    context: &Context,
+    made: &[Made],
+    runs: &[FinishedRun],
+    out: &Path,
+) -> anyhow::Result<()> {
+    let mut pictures: Vec<Picture> = Vec::new();
+    for made in made.iter().filter(|made| made.from.is_some()) {
+        let has = |extension: &str| made.files.iter().any(|f| files::has_extension(f, extension));
+        if has("svg") {
+            let others = ["pdf", "parquet", "csv"].into_iter().filter(|e| has(e));
+            pictures.push(Picture {
+                title: made.entry.id.to_owned(),
+                shows: made.entry.shows.to_owned(),
+                from: made.from.clone().unwrap_or_default(),
+                stem: made.entry.stem.to_owned(),
+                others: others.map(str::to_owned).collect(),
+            });
+        }
+    }
+    let mut by_name: Vec<&FinishedRun> = runs.iter().collect();
+    by_name.sort_by_key(|run| &run.folder);
+    for run in by_name {
+        let name = run.folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        for file in &run.manifest.files {
+            let taken = || {
+                INDEX.iter().any(|e| {
+                    e.command == run.manifest.command
+                        && Some(e.file) == file.name.strip_suffix(".svg")
+                })
+            };
+            let Some(stem) = file.name.strip_suffix(".svg").filter(|_| !taken()) else { continue };
+            let target = format!("{}_{stem}", run.manifest.command);
+            // A manifest from elsewhere may call its command as it likes.
+            let is_name = Path::new(&target).components().count() == 1;
+            if !is_name || pictures.iter().any(|picture| picture.stem == target) {
+                continue;
+            }
+            let Some(path) = run.intact(file) else { continue };
+            let svg = files::read_bounded(&path, LARGEST_FILE)?;
+            write_figure(&out.join(&target), &context.theme.apply(&String::from_utf8_lossy(&svg)))?;
+            pictures.push(Picture {
+                title: format!("{} {stem}", run.manifest.command),
+                shows: String::new(),
+                from: format!("run {name}"),
+                stem: target,
+                others: vec!["pdf".to_owned()],
+            });
+        }
+    }
+    let words = format!("arnold-analyze {}", context.words.join(" "));
+    files::write_atomic(&out.join("README.md"), gallery::page(&pictures, &words).as_bytes())?;
+    Ok(())
+}
+
 fn document(made: &[Made]) -> Value {
     let entry = |made: &Made| {
         json!({
@@ -301,8 +383,9 @@ fn text(made: &[Made], out: &Path) -> String {
             let line = format!("  {id:<10}  {stem:<24}  {shows}\n");
             text += &line;
         }
-        let command = make.replace(" && ", " &&\n    ").replace(" --run ", " \\\n      --run ");
-        text.extend(["    ", &command, "\n"]);
+        for command in make.split_inclusive(" && ") {
+            text += &render::command_lines(command.trim_end());
+        }
     }
     text
 }

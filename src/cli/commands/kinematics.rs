@@ -24,7 +24,7 @@ const EPISODES: usize = 100;
 /// Runs the command.
 pub fn run(context: &Context, arguments: &KinematicsArguments) -> anyhow::Result<Outcome> {
     let defaults = Defaults { tasks: "baoding_p1_ccw", episodes: EPISODES, mode: None };
-    let movement = Movement::open(context, &arguments.movement, defaults)?;
+    let movement = Movement::open(context, &arguments.movement, defaults, "baoding_pca")?;
     let plan = json!({"movement": movement.decides()});
     let (folder, finished) = movement.run_folder(context, "kinematics", &plan)?;
     if let Some(manifest) = finished {

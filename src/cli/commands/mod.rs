@@ -31,6 +31,8 @@ pub mod kinematics;
 #[cfg(feature = "play")]
 pub mod plan;
 #[cfg(feature = "play")]
+pub mod report;
+#[cfg(feature = "play")]
 pub mod rollout;
 pub mod setup;
 #[cfg(feature = "play")]

@@ -59,7 +59,7 @@ const EPISODES: usize = 100;
 /// Runs the command.
 pub fn run(context: &Context, arguments: &SmoothnessArguments) -> anyhow::Result<Outcome> {
     let defaults = Defaults { tasks: "hand", episodes: EPISODES, mode: None };
-    let movement = Movement::open(context, &arguments.movement, defaults)?;
+    let movement = Movement::open(context, &arguments.movement, defaults, "smoothness")?;
     let mut options = SmoothnessOptions::default();
     options.dimensionless_jerk.least_excursion = arguments.ldlj_min_excursion;
     options.dimensionless_jerk.least_jerk = arguments.ldlj_min_jerk;

@@ -80,7 +80,7 @@ const SHOWN: [[usize; 4]; 2] = [[1, 5, 10, 20], [1, 2, 3, 5]];
 /// Runs the command.
 pub fn run(context: &Context, arguments: &SubspacesArguments) -> anyhow::Result<Outcome> {
     let defaults = Defaults { tasks: "hand", episodes: EPISODES, mode: None };
-    let movement = Movement::open(context, &arguments.movement, defaults)?;
+    let movement = Movement::open(context, &arguments.movement, defaults, "subspaces")?;
     let options = arguments.options();
     let successful = arguments.successful.map(NonZeroUsize::get);
     let choice =

@@ -137,7 +137,7 @@ pub fn run(context: &Context, arguments: &SynergiesArguments) -> anyhow::Result<
         return only_published(context, arguments, &published);
     }
     let defaults = Defaults { tasks: "hand", episodes: EPISODES, mode: None };
-    let movement = Movement::open(context, &arguments.movement, defaults)?;
+    let movement = Movement::open(context, &arguments.movement, defaults, "action_pca")?;
     let plan = arguments.plan(&movement)?;
     let decides = json!({
         "movement": movement.decides(),

@@ -11,7 +11,7 @@ use crate::analysis::performance::{
 use crate::analysis::stats::Summary;
 use crate::figure::palette::{BLACK, BLUE, RED};
 use crate::figure::{LineGridFigure, LinePanel, LineSeries};
-use crate::record::{Column, CsiResult, RecordError, Table};
+use crate::record::{CsiResult, RecordError, Rows, Table};
 
 use super::{BenchmarkError, Results, task_label};
 
@@ -66,35 +66,37 @@ impl CsiFinetuning {
 
     /// One row per task, arm, number of components and run.
     pub fn run_table(&self) -> Result<Table, RecordError> {
-        let rows = || self.curves.iter().flat_map(|c| c.runs.iter().map(move |run| (c, run)));
-        Table::new(vec![
-            Column::unitless("task", rows().map(|(c, _)| c.task.clone()).collect::<Vec<_>>()),
-            Column::unitless("method", rows().map(|(c, _)| c.arm.to_owned()).collect::<Vec<_>>()),
-            Column::unitless("dimension", rows().map(|(_, r)| r.1 as i64).collect::<Vec<_>>()),
-            Column::unitless("run", rows().map(|(_, r)| r.0.clone()).collect::<Vec<_>>()),
-            Column::new("relative_performance", "%", rows().map(|(_, r)| r.2).collect::<Vec<_>>()),
-            Column::unitless("n_episodes", rows().map(|(_, r)| r.3 as i64).collect::<Vec<_>>()),
-        ])
+        let of = |curve: &'_ ArmCurve| {
+            let (task, arm) = (curve.task.clone(), curve.arm);
+            curve.runs.iter().cloned().map(move |run| (task.clone(), arm, run)).collect::<Vec<_>>()
+        };
+        let rows: Vec<_> = self.curves.iter().flat_map(of).collect();
+        Rows::of(&rows)
+            .text("task", |(task, ..)| task.clone())
+            .text("method", |(_, arm, _)| *arm)
+            .count("dimension", |(.., run)| run.1)
+            .text("run", |(.., run)| run.0.clone())
+            .number("relative_performance", "%", |(.., run)| run.2)
+            .count("n_episodes", |(.., run)| run.3)
+            .table()
     }
 
     /// One row per task, arm and number of components.
     pub fn summary_table(&self) -> Result<Table, RecordError> {
-        let rows = || {
-            self.curves
-                .iter()
-                .flat_map(|c| c.dimensions.iter().zip(&c.summaries).map(move |(d, s)| (c, d, s)))
+        let of = |curve: &'_ ArmCurve| {
+            let (task, arm) = (curve.task.clone(), curve.arm);
+            let pairs = curve.dimensions.iter().zip(&curve.summaries);
+            pairs.map(|(d, s)| (task.clone(), arm, *d, *s)).collect::<Vec<_>>()
         };
-        let number = |value: fn(&Summary) -> Option<f64>| -> Vec<f64> {
-            rows().map(|(_, _, summary)| value(summary).unwrap_or(f64::NAN)).collect()
-        };
-        Table::new(vec![
-            Column::unitless("task", rows().map(|(c, ..)| c.task.clone()).collect::<Vec<_>>()),
-            Column::unitless("method", rows().map(|(c, ..)| c.arm.to_owned()).collect::<Vec<_>>()),
-            Column::unitless("dimension", rows().map(|(_, d, _)| *d as i64).collect::<Vec<_>>()),
-            Column::new("mean", "%", number(|summary| summary.mean)),
-            Column::new("sem", "%", number(|summary| summary.standard_error)),
-            Column::unitless("n_runs", rows().map(|(.., s)| s.count as i64).collect::<Vec<_>>()),
-        ])
+        let rows: Vec<_> = self.curves.iter().flat_map(of).collect();
+        Rows::of(&rows)
+            .text("task", |(task, ..)| task.clone())
+            .text("method", |(_, arm, ..)| *arm)
+            .count("dimension", |(_, _, dimension, _)| *dimension)
+            .number("mean", "%", |(.., summary)| summary.mean)
+            .number("sem", "%", |(.., summary)| summary.standard_error)
+            .count("n_runs", |(.., summary)| summary.count)
+            .table()
     }
 
     /// A panel per task.

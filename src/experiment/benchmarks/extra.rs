@@ -13,7 +13,7 @@ use crate::analysis::performance::{
     episode_bar, percent_of, size_summary,
 };
 use crate::analysis::stats::Summary;
-use crate::record::{Column, RecordError, Table};
+use crate::record::{RecordError, Rows, Table};
 
 use super::{Performance, Results};
 
@@ -72,49 +72,28 @@ impl Capacity {
 
     /// Upstream's `performance.csv`: one row per size and task.
     pub fn task_table(&self) -> Result<Table, RecordError> {
-        let rows =
-            || self.sizes.iter().flat_map(|(size, bars, _)| bars.iter().map(move |b| (size, b)));
-        Table::new(vec![
-            Column::unitless(
-                "method",
-                rows().map(|(s, _)| s.method.to_owned()).collect::<Vec<_>>(),
-            ),
-            Column::unitless("task", rows().map(|(_, bar)| bar.task.clone()).collect::<Vec<_>>()),
-            Column::new(
-                "relative_performance",
-                "%",
-                rows().map(|(_, bar)| bar.relative).collect::<Vec<_>>(),
-            ),
-            Column::new("sem", "%", rows().map(|(_, bar)| bar.sem).collect::<Vec<_>>()),
-            Column::unitless(
-                "n_episodes",
-                rows().map(|(_, bar)| bar.episodes as i64).collect::<Vec<_>>(),
-            ),
-        ])
+        let of = |(size, bars, _): &'_ (NetworkSize, Vec<CapacityBar>, Summary)| {
+            bars.iter().map(|bar| (size.method, bar.clone())).collect::<Vec<_>>()
+        };
+        let rows: Vec<(&str, CapacityBar)> = self.sizes.iter().flat_map(of).collect();
+        Rows::of(&rows)
+            .text("method", |(method, _)| *method)
+            .text("task", |(_, bar)| bar.task.clone())
+            .number("relative_performance", "%", |(_, bar)| bar.relative)
+            .number("sem", "%", |(_, bar)| bar.sem)
+            .count("n_episodes", |(_, bar)| bar.episodes)
+            .table()
     }
 
     /// One row per size: mean over the hand's tasks.
     pub fn summary_table(&self) -> Result<Table, RecordError> {
-        let rows = || self.sizes.iter();
-        let number = |value: &dyn Fn(&Summary) -> Option<f64>| -> Vec<f64> {
-            rows().map(|(_, _, summary)| value(summary).unwrap_or(f64::NAN)).collect()
-        };
-        Table::new(vec![
-            Column::unitless(
-                "method",
-                rows().map(|(size, ..)| size.method.to_owned()).collect::<Vec<_>>(),
-            ),
-            Column::unitless(
-                "parameters",
-                rows().map(|(size, ..)| i64::from(size.parameters)).collect::<Vec<_>>(),
-            ),
-            Column::new("mean", "%", number(&|summary| summary.mean)),
-            Column::new("sem", "%", number(&|summary| summary.standard_error)),
-            Column::unitless(
-                "n_tasks",
-                rows().map(|(.., summary)| summary.count as i64).collect::<Vec<_>>(),
-            ),
-        ])
+        Rows::of(&self.sizes)
+            .text("method", |(size, ..)| size.method)
+            .count("parameters", |(size, ..)| size.parameters as usize)
+            .number("mean", "%", |(.., summary)| summary.mean)
+            .number("sem", "%", |(.., summary)| summary.standard_error)
+            .count("n_tasks", |(.., summary)| summary.count)
+            .table()
     }
 
     /// The summary as a document.
@@ -164,36 +143,23 @@ impl Vocabulary {
 
     /// One row per task and seed, tasks by rising mean.
     pub fn seed_table(&self) -> Result<Table, RecordError> {
-        let rows = || {
-            let seeds = 0..self.change.seeds.len();
-            self.change.order.iter().flat_map(move |&task| seeds.clone().map(move |s| (task, s)))
-        };
-        Table::new(vec![
-            Column::unitless(
-                "task",
-                rows().map(|(task, _)| self.tasks[task].clone()).collect::<Vec<_>>(),
-            ),
-            Column::unitless("seed", rows().map(|(_, seed)| seed as i64).collect::<Vec<_>>()),
-            Column::new(
-                "change",
-                "%",
-                rows().map(|(task, seed)| self.change.seeds[seed][task]).collect::<Vec<_>>(),
-            ),
-        ])
+        let seeds = 0..self.change.seeds.len();
+        let of = |&task: &usize| seeds.clone().map(move |seed| (task, seed));
+        let rows: Vec<(usize, usize)> = self.change.order.iter().flat_map(of).collect();
+        Rows::of(&rows)
+            .text("task", |(task, _)| self.tasks[*task].clone())
+            .count("seed", |(_, seed)| *seed)
+            .number("change", "%", |(task, seed)| self.change.seeds[*seed][*task])
+            .table()
     }
 
     /// One row per task, by rising mean.
     pub fn task_table(&self) -> Result<Table, RecordError> {
-        let order = &self.change.order;
-        let number = |values: &[f64]| order.iter().map(|&task| values[task]).collect::<Vec<_>>();
-        Table::new(vec![
-            Column::unitless(
-                "task",
-                order.iter().map(|&task| self.tasks[task].clone()).collect::<Vec<_>>(),
-            ),
-            Column::new("mean", "%", number(&self.change.mean)),
-            Column::new("sd", "%", number(&self.change.standard_deviation)),
-            Column::unitless("n_seeds", vec![self.change.seeds.len() as i64; order.len()]),
-        ])
+        Rows::of(&self.change.order)
+            .text("task", |&task| self.tasks[task].clone())
+            .number("mean", "%", |&task| self.change.mean[task])
+            .number("sd", "%", |&task| self.change.standard_deviation[task])
+            .count("n_seeds", |_| self.change.seeds.len())
+            .table()
     }
 }

@@ -4,7 +4,7 @@ use crate::analysis::performance::{
     DOTS, PublishedImprovement, PublishedMethod, TABLE_TASKS, evenly_spaced, percent_of,
 };
 use crate::analysis::stats::Summary;
-use crate::figure::palette::{BLUE, VIOLET, method_colours};
+use crate::figure::palette::{BLUE, RED, VIOLET, method_colours};
 use crate::figure::{
     ChangeDot, ChangeFigure, GroupedBar, GroupedBarFigure, GroupedSeries, RadarFigure, RadarSeries,
     Width,
@@ -17,6 +17,14 @@ use super::{Capacity, MethodNumbers, Performance, Results, Vocabulary, label_of,
 const BARS: [&str; 5] = ["bc", "obc_wo_obs_norm", "obc", "obc_ppo", "arnold"];
 /// The methods of the radar, from back to front.
 const RADAR: [&str; 3] = ["ppo_t_sv", "bc", "arnold"];
+/// The transformer trained by rewards alone and the same without one of its normalisations, then the perceptron: names in
+/// the result folders, labels, colours of the paper's figure.
+const PPO: [(&str, &str, &str); 4] = [
+    ("ppo_t_sv", "PPO", RED),
+    ("ppo_wo_rew_norm", "PPO w/o reward norm.", "#55A868"),
+    ("ppo_wo_obs_norm", "PPO w/o observation norm.", "#937860"),
+    ("mt_ppo", "MT-PPO", "#7A68A8"),
+];
 /// The tasks of the capacity figure, in its order.
 const CAPACITY_TASKS: [&str; 14] = [
     "hand_little_reach",
@@ -49,7 +57,28 @@ impl Performance {
         let methods = self.chosen(&BARS);
         let names: Vec<&str> = methods.iter().map(|method| method.name.as_str()).collect();
         let colours = method_colours(&names);
-        let series = methods.iter().zip(colours).map(|(method, colour)| {
+        let labels = methods.iter().map(|method| method.label.as_str());
+        let drawn: Vec<_> =
+            methods.iter().copied().zip(labels).zip(colours).map(|((m, l), c)| (m, l, c)).collect();
+        self.bars_of(results, &drawn)
+    }
+
+    /// The same for the policies trained by rewards alone with one part of that left out; `None` without one of those.
+    #[must_use]
+    pub fn ppo_figure(&self, results: &Results) -> Option<GroupedBarFigure> {
+        let method = |(name, label, colour)| Some((self.method(name)?, label, colour));
+        let drawn: Vec<_> = PPO.into_iter().filter_map(method).collect();
+        let is_ablated = drawn.iter().any(|(method, ..)| method.name.starts_with("ppo_wo_"));
+        if is_ablated { self.bars_of(results, &drawn) } else { None }
+    }
+
+    /// Bars of methods, each with its label and colour.
+    fn bars_of(
+        &self,
+        results: &Results,
+        methods: &[(&MethodNumbers, &str, &'static str)],
+    ) -> Option<GroupedBarFigure> {
+        let series = methods.iter().map(|&(method, label, colour)| {
             let bars: Vec<GroupedBar> = (0..self.tasks.len())
                 .map(|task| GroupedBar {
                     dots: self.episode_dots(results, method, task),
@@ -58,10 +87,10 @@ impl Performance {
                 .collect();
             let all: Vec<usize> = (0..self.tasks.len()).collect();
             let average = (all.len() > 1).then(|| bar(method.relative.family_summary(&all)));
-            GroupedSeries { name: method.label.clone(), colour, bars, average }
+            GroupedSeries { name: label.to_owned(), colour, bars, average }
         });
         let series: Vec<GroupedSeries> = series.collect();
-        let seeds = count(methods.iter().map(|method| method.fractions.len()), "seed");
+        let seeds = count(methods.iter().map(|(method, ..)| method.fractions.len()), "seed");
         (!series.is_empty()).then(|| GroupedBarFigure {
             groups: self.tasks.iter().map(|task| task_label(task)).collect(),
             series,
@@ -69,7 +98,8 @@ impl Performance {
             line: EXPERT_LINE,
             dots: "Episode",
             caption: format!(
-                "Mean over seeds ± s.e.m., in percent of the expert; {seeds}. Dots: at most {DOTS} of all episodes. {READ}"
+                "Mean over seeds ± s.e.m., in percent of the expert; {seeds}. Dots: at most {DOTS} of all episodes.{} {READ}",
+                self.metric.note(),
             ),
             width: Width::TwoColumns,
         })
@@ -83,7 +113,8 @@ impl Performance {
         let episodes: Vec<f64> = lists.flatten().copied().collect();
         let expert = self.experts[task];
         let chosen = evenly_spaced(episodes.len(), DOTS);
-        chosen.into_iter().map(|place| percent_of(expert, episodes[place])).collect()
+        let share = |place: usize| self.metric.of_episode(&self.tasks[task], episodes[place]);
+        chosen.into_iter().map(|place| percent_of(expert, share(place))).collect()
     }
 
     /// The radar: the three methods of the paper's where at least one of them is there, else all. `None` for fewer than
@@ -107,7 +138,10 @@ impl Performance {
         Some(RadarFigure {
             tasks: order.iter().map(|&task| task_label(&self.tasks[task])).collect(),
             series: series.collect(),
-            caption: format!("Mean over seeds ± s.e.m., in percent of the expert; {seeds}. {READ}"),
+            caption: format!(
+                "Mean over seeds ± s.e.m., in percent of the expert; {seeds}.{} {READ}",
+                self.metric.note(),
+            ),
         })
     }
 

@@ -9,7 +9,7 @@ use crate::record::{
     find_csi_results, read_benchmark_input,
 };
 
-use super::BenchmarkError;
+use super::{BenchmarkError, MetricMap};
 
 /// What was found and not used.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -25,6 +25,10 @@ pub struct Results {
     pub methods: BTreeMap<String, Vec<SeedResult>>,
     /// Results of fine-tuning inside a control subspace.
     pub csi: Vec<CsiResult>,
+    /// Policies with other histories, from a file of several.
+    pub history: BTreeMap<String, Benchmark>,
+    /// What counts as performance.
+    pub metric: MetricMap,
     pub left_out: Vec<LeftOut>,
     /// Tasks that are compared, in the order of the table; set by [`Results::choose`].
     pub tasks: Vec<String>,
@@ -33,6 +37,12 @@ pub struct Results {
 }
 
 impl Results {
+    /// Nothing yet, to be measured by `metric`.
+    #[must_use]
+    pub fn measured_by(metric: MetricMap) -> Self {
+        Self { metric, ..Self::default() }
+    }
+
     /// Adds what lies at `path`. A single policy is called `name`, else by its file or folder.
     pub fn add(&mut self, name: Option<&str>, path: &Path) -> Result<(), BenchmarkError> {
         let csi = if path.is_dir() { find_csi_results(path)? } else { Vec::new() };
@@ -50,6 +60,10 @@ impl Results {
             BenchmarkInput::Seed(seed) => {
                 let name = name.map_or_else(|| stem(path), str::to_owned);
                 self.methods.entry(name).or_default().push(seed);
+                Ok(())
+            }
+            BenchmarkInput::Several(policies) => {
+                self.history.extend(policies);
                 Ok(())
             }
             BenchmarkInput::Selection(methods) => {
@@ -85,7 +99,7 @@ impl Results {
             BenchmarkInput::Tree((tree, _)) if !tree.experts.is_empty() => {
                 self.add_experts(tree.experts)
             }
-            BenchmarkInput::Tree(_) | BenchmarkInput::Selection(_) => {
+            BenchmarkInput::Tree(_) | BenchmarkInput::Selection(_) | BenchmarkInput::Several(_) => {
                 Err(RecordError::NoFiles { what: "of experts".to_owned(), path: path.into() }
                     .into())
             }
@@ -106,7 +120,8 @@ impl Results {
     /// Fixes which tasks and methods are compared. Methods that merely lie in a tree, are not in the paper's table and
     /// lack a task are left out and named.
     pub fn choose(&mut self, tasks: &[String], methods: &[String]) -> Result<(), BenchmarkError> {
-        if self.experts.is_empty() {
+        let needs_experts = self.history.is_empty() || !self.methods.is_empty();
+        if self.experts.is_empty() && needs_experts {
             return Err(BenchmarkError::NoExperts);
         }
         let listed = |names: &mut dyn Iterator<Item = &String>| {
@@ -141,7 +156,7 @@ impl Results {
                 continue;
             };
             let has = |seed: &SeedResult, task: &String| {
-                seed.tasks.get(task).is_some_and(|entry| entry.avg_solved_step_frac.is_some())
+                seed.tasks.get(task).is_some_and(|entry| self.metric.of(task, entry).is_some())
             };
             let missing = self.tasks.iter().find(|task| !seeds.iter().all(|seed| has(seed, task)));
             if let Some(task) = missing {
@@ -161,7 +176,7 @@ impl Results {
     /// The experts' solved fractions of the compared tasks.
     pub(super) fn expert_fractions(&self) -> Result<Vec<f64>, BenchmarkError> {
         let share = |(task, entry): (&str, &BenchmarkEntry)| {
-            let value = entry.avg_solved_step_frac;
+            let value = self.metric.of(task, entry);
             value.filter(|x| (0.0..=1.0).contains(x)).ok_or_else(|| BenchmarkError::ExpertValue {
                 task: task.to_owned(),
                 found: value.map_or_else(|| "none".to_owned(), |x| x.to_string()),

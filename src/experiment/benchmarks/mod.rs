@@ -8,6 +8,8 @@ mod csi_finetuning;
 mod extra;
 mod figures;
 mod gather;
+mod history;
+mod metric;
 mod printed;
 mod tables;
 
@@ -16,12 +18,14 @@ use crate::analysis::performance::{
     against_experts, against_methods, family_rows, improvements, task_rows,
 };
 use crate::analysis::stats::Wilcoxon;
-use crate::record::{BenchmarkEntry, RecordError};
+use crate::record::{RecordError, SeedResult};
 
 pub use csi_finetuning::{ArmCurve, CsiFinetuning};
 pub use extra::{Capacity, CapacityBar, Vocabulary};
 pub use figures::{expert_figure, printed_ablation, printed_radar};
 pub use gather::{LeftOut, Results};
+pub use history::History;
+pub use metric::MetricMap;
 pub use printed::PrintedTable;
 pub use tables::{expert_document, expert_table, family_label, task_labels};
 
@@ -82,6 +86,8 @@ pub struct Performance {
     pub tests: Vec<MethodTest>,
     pub overall: Option<Wilcoxon>,
     pub improvements: Vec<Improvement>,
+    /// What counts as performance.
+    pub metric: MetricMap,
 }
 
 impl Performance {
@@ -95,12 +101,13 @@ impl Performance {
         let experts = results.expert_fractions()?;
         let mut methods = Vec::new();
         for (name, seeds) in results.ordered_methods() {
-            let fraction = |entry: Option<&BenchmarkEntry>| {
-                entry.and_then(|entry| entry.avg_solved_step_frac).unwrap_or(f64::NAN)
+            let fraction = |seed: &SeedResult, task: &str| {
+                let entry = seed.tasks.get(task);
+                entry.and_then(|entry| results.metric.of(task, entry)).unwrap_or(f64::NAN)
             };
             let fractions: Vec<Vec<f64>> = seeds
                 .iter()
-                .map(|seed| tasks.iter().map(|task| fraction(seed.tasks.get(*task))).collect())
+                .map(|seed| tasks.iter().map(|task| fraction(seed, task)).collect())
                 .collect();
             check_shares(name, &tasks, &fractions)?;
             let method = Method { name: name.to_owned(), seeds: fractions };
@@ -122,6 +129,7 @@ impl Performance {
             tests: Vec::new(),
             overall: None,
             improvements: Vec::new(),
+            metric: results.metric,
         };
         performance.test(reference)?;
         Ok(performance)

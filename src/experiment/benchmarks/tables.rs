@@ -9,7 +9,7 @@ use crate::analysis::performance::{
     FAMILIES, Improvement, MethodTest, PUBLISHED_OVERALL, PublishedImprovement, PublishedMethod,
 };
 use crate::analysis::stats::t_interval;
-use crate::record::{BenchmarkEntry, Column, RecordError, Table};
+use crate::record::{BenchmarkEntry, RecordError, Rows, Table};
 
 use super::{CONFIDENCE, MethodNumbers, Performance, Results, label_of, task_label};
 
@@ -17,44 +17,6 @@ use super::{CONFIDENCE, MethodNumbers, Performance, Results, label_of, task_labe
 fn interval(mean: Option<f64>, sem: Option<f64>, seeds: usize) -> Option<(f64, f64)> {
     let (mean, half) = (mean?, t_interval(sem?, seeds, CONFIDENCE)?);
     Some((mean - half, mean + half))
-}
-
-fn or_nan(value: Option<f64>) -> f64 {
-    value.unwrap_or(f64::NAN)
-}
-
-/// A table filled column by column from the same rows.
-struct Rows<'a, T> {
-    rows: &'a [T],
-    columns: Vec<Column>,
-}
-
-impl<'a, T> Rows<'a, T> {
-    fn of(rows: &'a [T]) -> Self {
-        Self { rows, columns: Vec::new() }
-    }
-
-    fn text(mut self, name: &str, value: impl Fn(&T) -> String) -> Self {
-        let values: Vec<String> = self.rows.iter().map(value).collect();
-        self.columns.push(Column::unitless(name, values));
-        self
-    }
-
-    fn count(mut self, name: &str, value: impl Fn(&T) -> usize) -> Self {
-        let values: Vec<i64> = self.rows.iter().map(|row| value(row) as i64).collect();
-        self.columns.push(Column::unitless(name, values));
-        self
-    }
-
-    fn number(mut self, name: &str, unit: &str, value: impl Fn(&T) -> Option<f64>) -> Self {
-        let values: Vec<f64> = self.rows.iter().map(|row| or_nan(value(row))).collect();
-        self.columns.push(Column::new(name, unit, values));
-        self
-    }
-
-    fn table(self) -> Result<Table, RecordError> {
-        Table::new(self.columns)
-    }
 }
 
 impl Performance {
@@ -257,6 +219,7 @@ impl Performance {
             "tasks": self.tasks,
             "methods": methods,
             "reference": self.reference,
+            "metric_map": self.metric.name(),
             "tests": tests,
             "overall": self.overall.map(|test| json!({
                 "W": test.statistic,

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::analysis::curves::Smoothing;
+use crate::analysis::curves::{Band, Smoothing};
 use crate::figure::palette::{BLUE, RED, method_colours};
 use crate::figure::{LineGridFigure, LinePanel, LineSeries};
 use crate::record::{Column, RecordError, Table};
@@ -20,6 +20,21 @@ impl Recipe {
             Self::RlFinetuning => "rl-finetuning",
             Self::MultiTask => "multi-task",
             Self::CsiFinetuning => "csi-finetuning",
+        }
+    }
+
+    /// Whether bands are the standard error over seeds. The paper draws these figures from single seeds; its two others
+    /// show the standard deviation.
+    fn shows_standard_error(self) -> bool {
+        !matches!(self, Self::Portable(_) | Self::MultiTask)
+    }
+
+    /// Half the height of the band at each of its steps.
+    fn spread(self, band: &Band) -> Vec<f64> {
+        if self.shows_standard_error() {
+            (0..band.steps.len()).map(|place| band.standard_error(place)).collect()
+        } else {
+            band.standard_deviation.clone()
         }
     }
 
@@ -100,6 +115,10 @@ impl LearningCurves {
                 points().map(|(_, _, b, i)| b.standard_deviation[i]).collect::<Vec<_>>(),
             ),
             Column::unitless(
+                "sem",
+                points().map(|(_, _, b, i)| b.standard_error(i)).collect::<Vec<_>>(),
+            ),
+            Column::unitless(
                 "n_seeds",
                 points().map(|(_, _, b, i)| b.count[i] as i64).collect::<Vec<_>>(),
             ),
@@ -162,7 +181,7 @@ impl LearningCurves {
             let (mean, spread, seeds) = match &series.band {
                 Some(band) => (
                     band.steps.iter().zip(&band.mean).map(million).collect(),
-                    band.standard_deviation.clone(),
+                    self.recipe.spread(band),
                     series.seeds.iter().map(of_seed).collect(),
                 ),
                 None => (series.seeds.first().map(of_seed).unwrap_or_default(), vec![], vec![]),
@@ -200,7 +219,11 @@ impl LearningCurves {
     fn caption(&self, seeds: impl Iterator<Item = usize> + Clone) -> String {
         let (low, high) = (seeds.clone().min().unwrap_or(0), seeds.max().unwrap_or(0));
         let seeds = if low == high { format!("{low}") } else { format!("{low}–{high}") };
-        let band = if high > 1 { "Mean over seeds ± s.d.; thin: seeds" } else { "One seed" };
+        let band = match (high, self.recipe.shows_standard_error()) {
+            (0 | 1, _) => "One seed",
+            (_, true) => "Mean over seeds ± s.e.m.; thin: seeds",
+            (_, false) => "Mean over seeds ± s.d.; thin: seeds",
+        };
         let smoothing = self.recipe.smoothing();
         format!("{band}; n = {seeds}. {smoothing}. Read from logs of training, not played.")
     }
