@@ -44,7 +44,7 @@ pub struct Recipe {
     /// Whether the teacher's actions are played rather than the student's.
     pub teacher_acts: bool,
     /// The logarithm of an action's standard deviation over the run, if it is led there rather than learned.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub log_deviation: Option<Schedule>,
     pub network: NetworkShape,
     /// Logarithm of the standard deviation of an action that a run starts with, whatever the checkpoint has that it begins
