@@ -137,7 +137,8 @@ fn a_run_that_begins_with_a_file_alone_starts_its_optimiser_anew_and_says_so() {
     std::fs::copy(bench.path("base/final_model.safetensors"), bench.path("alone.safetensors"))
         .unwrap();
     let alone = bench.path("alone.safetensors").display().to_string();
-    let mut arguments = words(&["ppo", "--from", &alone], "2", "more");
+    let regime = ["ppo", "--from", &alone];
+    let mut arguments = words(&regime, "2", "more");
     arguments.retain(|word| *word != "--quiet");
     let ended = bench.run(&arguments);
     assert_eq!(ended.code, 0, "{}", ended.stderr);
