@@ -2,7 +2,7 @@
 //! that wrote it is there, with what its optimiser remembers, the statistics of its rewards and its step count
 //! (`spec/training.md` §5.8). Tasks may be others: signatures and rewards that were never met start anew.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
@@ -27,7 +27,9 @@ const MOST_STEPS: u64 = 1 << 53;
 /// A checkpoint to begin with.
 #[derive(Debug, Clone)]
 pub struct Start {
+    /// Name of the file without its extension.
     pub name: String,
+    pub path: PathBuf,
     /// BLAKE3 of its files.
     pub hash: String,
     /// Control steps that it has seen.
@@ -87,7 +89,8 @@ impl Start {
             return Err(TrainError::State { what: "step count".to_owned() });
         }
         Ok(Self {
-            name: file.display().to_string(),
+            name: file.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+            path: file,
             hash: stored.hash,
             steps,
             network,
@@ -139,7 +142,7 @@ impl Start {
                 *own = RunningComponents::restore(mean, variance, count)?;
             }
             (Statistics::Signatures { statistics, .. }, Some(Normaliser::PerSignature(stored))) => {
-                statistics.replace(stored)?
+                statistics.replace(stored)?;
             }
             _ => {
                 let what = "the checkpoint's normaliser is of another kind of network".to_owned();

@@ -315,7 +315,7 @@ pub(super) fn open_start(context: &Context, path: &Path) -> anyhow::Result<Start
     if !start.has_memory() {
         context.say(&format!(
             "warning: no state of its run lies beside `{}`; the optimiser starts anew",
-            start.name
+            start.path.display()
         ));
     }
     Ok(start)

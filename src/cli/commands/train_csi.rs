@@ -12,7 +12,7 @@
 //! | `benchmarks/` | results in the published layout: `evaluate --benchmarks` draws the curves |
 
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::{Map, Value, json};
@@ -135,7 +135,7 @@ pub(super) fn run(
         None => bench.train("base", None, SubspacePhase::Base, None, 0)?,
     };
     let start = train::open_start(context, &base)?;
-    let loaded = policy::open(Path::new(&start.name), None)?;
+    let loaded = policy::open(&start.path, None)?;
     let components = bench.components(loaded.policy.as_ref(), csi.subspace_episodes)?;
     bench.write_components(&components)?;
     bench.evaluate_teacher()?;
