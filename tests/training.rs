@@ -226,6 +226,23 @@ fn a_finished_run_may_be_made_longer_and_a_folder_with_another_run_is_left_alone
 }
 
 #[test]
+fn exploration_that_has_a_schedule_follows_it_and_that_of_a_lattice_has_none() {
+    let bench = Bench::new();
+    let schedule = ["--set", r#"log_deviation={"linear":{"from":-1.0,"to":-3.0}}"#];
+    bench.json(&words(&[&["ppo"][..], &schedule].concat(), "2", "run"));
+    let found = curve(&bench, "run", "train/std");
+    assert_eq!(found.len(), 16);
+    for (iteration, deviation) in found.iter().enumerate() {
+        let expected = (-1.0 - 2.0 * iteration as f64 / 16.0).exp();
+        assert!((deviation / expected - 1.0).abs() < 1e-6, "{iteration}: {deviation}, {expected}");
+    }
+    let lattice = ["--set", "network.perceptron.lattice=true", "--task", "elbow_pose"];
+    let ended = bench.run(&[&["train", "ppo"][..], &schedule, &lattice].concat());
+    assert_eq!(ended.code, 1, "{}", ended.stderr);
+    assert!(ended.stderr.contains("a lattice is learned"), "{}", ended.stderr);
+}
+
+#[test]
 fn what_makes_no_sense_is_refused_with_the_way_out() {
     let bench = Bench::new();
     let elbow = ["--task", "elbow_pose", "--quiet"];

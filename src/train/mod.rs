@@ -33,6 +33,7 @@ pub mod reward_normaliser;
 pub mod run;
 pub mod schedule;
 pub mod shards;
+#[cfg(feature = "play")]
 pub mod start;
 #[cfg(feature = "play")]
 mod statistics;
