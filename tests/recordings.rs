@@ -424,3 +424,31 @@ fn other_programs_read_what_is_written() {
     let errors = String::from_utf8_lossy(&output.stderr);
     assert_eq!(String::from_utf8_lossy(&output.stdout), want.repeat(3), "{errors}");
 }
+
+#[test]
+fn every_line_of_a_foxglove_layout_is_a_quantity_that_rollout_records() {
+    use arnold_analyze::assets::PhysicsVersion;
+    use arnold_analyze::sim::{rollout::channel_names, tasks};
+    let machine = common::physics::Physics::of(PhysicsVersion::V2_3_7).machine();
+    for (body, task) in [("hand", "baoding_p1_ccw"), ("arm", "relocate"), ("elbow", "elbow_pose")] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("data/foxglove/{body}.json"));
+        let layout: Value = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
+        let names = channel_names(&machine, tasks::find(task).unwrap()).unwrap();
+        let panels = layout["configById"].as_object().unwrap();
+        let lines = |panel: &str| -> Vec<String> {
+            let paths = panels[panel]["paths"].as_array().unwrap();
+            paths.iter().map(|line| line["value"].as_str().unwrap().to_owned()).collect()
+        };
+        let of = |channel: &str, names: Vec<&String>| -> Vec<String> {
+            names.iter().map(|name| format!("/{channel}.value.\"{name}\"")).collect()
+        };
+        let muscles: Vec<&String> = names.muscles.iter().collect();
+        assert_eq!(lines("Plot!activation"), of("activation", muscles.clone()), "{body}");
+        assert_eq!(lines("Plot!action"), of("action", muscles), "{body}");
+        let joints = names.joints.iter().map(|joint| &joint.name).collect();
+        assert_eq!(lines("Plot!joint"), of("joint", joints), "{body}");
+        assert_eq!(lines("Plot!reward"), ["/reward.value"], "{body}");
+        let arranged = layout["layout"].to_string();
+        assert!(panels.keys().all(|panel| arranged.contains(&format!("\"{panel}\""))), "{body}");
+    }
+}

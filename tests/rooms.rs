@@ -42,6 +42,8 @@ const OWNED_CRATES: &[(&str, &str)] = &[
     ("zstd", "record"),
     ("flate2", "assets record"),
     ("rerun", "record"),
+    ("re_sdk", "record"),
+    ("re_sdk_types", "record"),
     ("libloading", "sim"),
     ("realfft", "analysis"),
     ("statrs", "analysis policy"),

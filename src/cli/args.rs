@@ -116,6 +116,9 @@ pub enum Command {
     #[cfg(feature = "play")]
     /// Train a policy: from rewards, in resumable runs
     Train(Box<commands::train::TrainArguments>),
+    #[cfg(feature = "view")]
+    /// Look at recorded episodes in the viewer Rerun: muscles, body and signals, policies side by side
+    View(Box<commands::view::ViewArguments>),
     #[cfg(feature = "play")]
     /// Check this machine against recorded episodes and policy outputs of the published code
     Verify(commands::verify::VerifyArguments),
@@ -129,6 +132,10 @@ impl Command {
     /// Whether the command may play episodes, so that it can be planned.
     #[must_use]
     pub fn plays(&self) -> bool {
+        #[cfg(feature = "view")]
+        if matches!(self, Self::View(_)) {
+            return false;
+        }
         !matches!(
             self,
             Self::Setup(_)

@@ -16,6 +16,7 @@ use crate::sim::engine::{EngineError, Library};
 use crate::sim::environment::Environment;
 use crate::sim::rollout::{ActionMode, Channels, Machine, RolloutPlan};
 use crate::sim::tasks::{self, Definition, RewardConfiguration};
+use crate::sim::watching::Watcher;
 
 use super::commands::setup;
 use super::context::Context;
@@ -141,6 +142,9 @@ pub struct Laboratory {
     pub seed: u64,
     /// Folder for results.
     pub out: PathBuf,
+    /// Who looks on.
+    #[cfg(feature = "view")]
+    pub audience: std::sync::OnceLock<crate::experiment::viewing::watching::Audience>,
 }
 
 /// What a command does when the arguments do not say.
@@ -216,6 +220,8 @@ impl Laboratory {
             action_noise: arguments.action_noise,
             seed: arguments.seed,
             out: arguments.out.clone(),
+            #[cfg(feature = "view")]
+            audience: std::sync::OnceLock::new(),
         };
         laboratory.introduce(context);
         Ok(laboratory)
@@ -257,6 +263,15 @@ impl Laboratory {
             context.say(&format!("warning: {warning}"));
         }
         context.say("");
+    }
+
+    /// Who looks on.
+    #[must_use]
+    pub fn watcher(&self) -> Option<&dyn Watcher> {
+        #[cfg(feature = "view")]
+        return self.audience.get().map(|audience| audience as &dyn Watcher);
+        #[cfg(not(feature = "view"))]
+        None
     }
 
     /// The rollout of one task.

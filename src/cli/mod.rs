@@ -23,6 +23,8 @@ mod replay;
 pub mod signals;
 #[cfg(feature = "play")]
 pub mod sweep;
+#[cfg(feature = "view")]
+pub mod viewing;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -110,6 +112,8 @@ fn dispatch(context: &Context, command: Command) -> anyhow::Result<Outcome> {
         Command::Gather(args) => commands::gather::run(context, &args),
         #[cfg(feature = "play")]
         Command::Train(args) => commands::train::run(context, &args),
+        #[cfg(feature = "view")]
+        Command::View(args) => commands::view::run(context, &args),
         #[cfg(feature = "play")]
         Command::Verify(args) => commands::verify::run(context, &args),
         #[cfg(feature = "play")]

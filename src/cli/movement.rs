@@ -60,13 +60,13 @@ impl MovementArguments {
 
 /// A policy's name, if one was typed, and where its recordings are.
 #[derive(Debug, Clone, PartialEq, Eq)]
-struct Labelled {
-    policy: Option<String>,
-    path: PathBuf,
+pub(super) struct Labelled {
+    pub(super) policy: Option<String>,
+    pub(super) path: PathBuf,
 }
 
 /// What stands before the first `=` is the name.
-fn labelled(text: &str) -> Result<Labelled, String> {
+pub(super) fn labelled(text: &str) -> Result<Labelled, String> {
     let (policy, path) = match text.split_once('=') {
         Some((policy, path)) => (Some(policy.trim().to_owned()), path),
         None => (None, text),
@@ -355,7 +355,7 @@ fn find(recordings: &[Labelled], wanted: &[&str]) -> anyhow::Result<Vec<File>> {
 }
 
 /// What a recording calls its policy, else the file's name.
-fn own_name(policy: &str, path: &Path) -> String {
+pub(super) fn own_name(policy: &str, path: &Path) -> String {
     if !policy.trim().is_empty() {
         return policy.trim().to_owned();
     }
@@ -363,7 +363,7 @@ fn own_name(policy: &str, path: &Path) -> String {
 }
 
 /// `path`, or the recordings in it if it is a folder.
-fn files_in(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
+pub(super) fn files_in(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     if !path.is_dir() {
         return Ok(vec![path.to_path_buf()]);
     }
@@ -421,7 +421,7 @@ fn unusable(error: &ExperimentError, path: Option<&Path>, needed: &[&str]) -> an
     Hinted::new(message, hint)
 }
 
-fn hinted(error: &record::RecordError) -> anyhow::Error {
+pub(super) fn hinted(error: &record::RecordError) -> anyhow::Error {
     Hinted::new(
         error.to_string(),
         "give recordings that `rollout` or `convert` wrote, or upstream's; `arnold-analyze inspect FILE` says what a file is",

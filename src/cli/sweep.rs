@@ -188,6 +188,7 @@ fn work(
         machine: &laboratory.machine,
         scene,
         goes_on: &signals::go_on,
+        watcher: laboratory.watcher(),
         on_episode: &|| progress.advance(1),
     };
     let ended = worker::work(plan, &folder.path, shard, &crew);

@@ -40,6 +40,8 @@ pub mod subspaces;
 pub mod synergies;
 pub mod throughput;
 pub mod verify_traces;
+#[cfg(feature = "view")]
+pub mod viewing;
 pub mod walking;
 pub mod worker;
 

@@ -12,6 +12,7 @@ use std::sync::Mutex;
 
 use crate::files::FileError;
 use crate::sim::rollout::{self, Channels, EpisodeSpec, Job, Machine, RolloutPlan, Subspace};
+use crate::sim::watching::Watcher;
 
 use super::ExperimentError;
 use super::book::{Book, Depth};
@@ -41,6 +42,8 @@ pub struct Crew<'a> {
     pub scene: &'a dyn Scene,
     /// Whether the work goes on; once it does not, no episode is begun.
     pub goes_on: &'a (dyn Fn() -> bool + Sync),
+    /// Who looks on.
+    pub watcher: Option<&'a dyn Watcher>,
     /// Called after every episode, from any thread.
     pub on_episode: &'a (dyn Fn() + Sync),
 }
@@ -132,7 +135,7 @@ impl Worker<'_> {
             Err(ExperimentError::Stopped) => return Ok(Ended::Stopped),
             lists => lists?,
         };
-        let Crew { machine, scene, goes_on, on_episode } = *self.crew;
+        let Crew { machine, scene, goes_on, watcher, on_episode } = *self.crew;
         let jobs: Vec<Job<'_>> = lists
             .iter()
             .map(|list| Job {
@@ -145,7 +148,7 @@ impl Worker<'_> {
             })
             .collect();
         let failure: Mutex<Option<FileError>> = Mutex::new(None);
-        rollout::play_jobs(machine, &jobs, goes_on, &|job, index, episode| {
+        rollout::play_jobs(machine, &jobs, watcher, goes_on, &|job, index, episode| {
             let list = &lists[job];
             let keep_steps = list.channels != Channels::Counts;
             match ledger.enter(list.keys[index], &episode, keep_steps) {

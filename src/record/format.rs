@@ -139,6 +139,21 @@ pub fn read_recording(path: &Path) -> Result<Opened, RecordError> {
     }
 }
 
+/// Reads the episodes with these numbers, and of the file only what they need where its format allows it. Numbers that are
+/// not there are left out.
+pub fn read_episodes(path: &Path, numbers: &[u64]) -> Result<Opened, RecordError> {
+    let of = |recording| Opened { recording, left_out: Vec::new() };
+    let mut opened = match Container::of(path)? {
+        #[cfg(feature = "parquet")]
+        Some(Container::Parquet) => of(super::recording_parquet::read_episodes(path, numbers)?),
+        #[cfg(feature = "mcap")]
+        Some(Container::Mcap) => of(super::mcap_part::read_episodes(path, numbers)?),
+        _ => read_recording(path)?,
+    };
+    opened.recording.episodes.retain(|episode| numbers.contains(&episode.facts.number));
+    Ok(opened)
+}
+
 /// What is in the recording in `path`.
 pub fn summarise(path: &Path) -> Result<Summary, RecordError> {
     match Container::of(path)? {
@@ -241,6 +256,9 @@ mod tests {
             assert_eq!((summary.episodes.len(), summary.channels.len()), (2, 5));
             let opened = read_recording(&path).unwrap();
             assert_eq!(opened.left_out, [""; 0]);
+            let mut part = opened.recording.clone();
+            part.episodes.remove(0);
+            assert_same(&read_episodes(&path, &[10, 11]).unwrap().recording, &part);
             assert_same(&opened.recording, &recording());
             current = opened.recording;
         }

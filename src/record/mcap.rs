@@ -14,9 +14,10 @@
 
 use std::collections::BTreeMap;
 use std::io::{self, BufWriter, Read, Write};
+use std::ops::RangeInclusive;
 use std::path::Path;
 
-use mcap::records::{MessageHeader, Metadata, Record};
+use mcap::records::{ChunkHeader, MessageHeader, Metadata, Record};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{Compression, McapError, WriteOptions, Writer};
 use serde_json::json;
@@ -25,7 +26,7 @@ use super::header::Header;
 use super::mcap_chunk::{self, ChunkError};
 use super::mcap_message::{self, Message};
 use super::mcap_summary;
-use super::recording::{Channel, Recording, Timing};
+use super::recording::{About, Channel, Recording, Timing};
 use super::{Place, RecordError};
 use crate::files;
 
@@ -38,7 +39,7 @@ const LEVEL: u32 = 1;
 /// Unpacked size of a chunk.
 const CHUNK: u64 = 1 << 20;
 /// No record may be longer than this, packed or unpacked. A header of 100,000 episodes has about 25 MB.
-const LONGEST_RECORD: usize = 1 << 26;
+pub(super) const LONGEST_RECORD: usize = 1 << 26;
 /// Steps of an episode for which memory is taken at once.
 const LONGEST_RESERVE: usize = 1 << 12;
 /// Without a control interval, steps are a second apart.
@@ -79,8 +80,7 @@ fn fill(out: &mut (impl Write + io::Seek), recording: &Recording) -> Result<(), 
         let id = writer.add_channel(schema, &topic, "json", &metadata.into_iter().collect())?;
         channels.push((id, Message::new(channel)));
     }
-    let interval = recording.about.control_interval.unwrap_or(DEFAULT_INTERVAL);
-    let time = |step: u64| (step as f64 * interval * NANOSECONDS).round() as u64;
+    let time = clock(&recording.about);
     let (mut start, mut text) = (0_u64, Vec::new());
     for episode in &recording.episodes {
         for step in 0..episode.facts.length {
@@ -106,6 +106,25 @@ fn fill(out: &mut (impl Write + io::Seek), recording: &Recording) -> Result<(), 
         start += episode.facts.length as u64 + 1;
     }
     writer.finish().map(drop)
+}
+
+/// The log time of a step, counted through all episodes, ns.
+fn clock(about: &About) -> impl Fn(u64) -> u64 + use<> {
+    let interval = about.control_interval.unwrap_or(DEFAULT_INTERVAL);
+    move |step| (step as f64 * interval * NANOSECONDS).round() as u64
+}
+
+/// The numbers of the episodes, each with the log times of its first and last message.
+pub(super) fn spans(header: &Header) -> Vec<(u64, RangeInclusive<u64>)> {
+    let time = clock(&header.about);
+    let mut start = 0;
+    let mut spans = Vec::with_capacity(header.episodes.len());
+    for facts in &header.episodes {
+        let end = start + facts.length as u64;
+        spans.push((facts.number, time(start)..=time(end)));
+        start = end + 1;
+    }
+    spans
 }
 
 /// The JSON schema of a channel's messages.
@@ -140,20 +159,22 @@ fn schema(channel: &Channel) -> String {
 /// Everything about the recording in `path` but its samples.
 pub(super) fn read_header(path: &Path) -> Result<Header, RecordError> {
     let mut header = None;
-    let mut has_metadata = false;
+    let mut pairs = None;
     for_each_record(&mut files::open(path)?, path, |record| {
         match record {
             Record::Metadata(Metadata { name, mut metadata }) if name == HEADER => {
                 header = metadata.remove(HEADER);
             }
-            Record::Metadata(metadata) if metadata.name == METADATA => has_metadata = true,
+            Record::Metadata(found) if found.name == METADATA => pairs = Some(found.metadata),
             _ => {}
         }
         // Both stand before the first message.
-        Ok(header.is_none() || !has_metadata)
+        Ok(header.is_none() || pairs.is_none())
     })?;
     let header = header.ok_or_else(|| RecordError::NoRecording { path: path.to_path_buf() })?;
-    Header::parse(&header, "MCAP", path)
+    let mut header = Header::parse(&header, "MCAP", path)?;
+    header.about.metadata = pairs.unwrap_or_default();
+    Ok(header)
 }
 
 /// Reads what [`write`] wrote.
@@ -188,13 +209,12 @@ fn read_from(source: &mut dyn Read, path: &Path) -> Result<Recording, RecordErro
         Ok(true)
     })?;
     let reading = reading.ok_or_else(|| RecordError::NoRecording { path: path.to_path_buf() })?;
-    let mut recording = reading.recording;
+    let mut recording = reading.finish(path)?;
     recording.about.metadata = metadata;
-    recording.check().map_err(|error| damaged(error.to_string()))?;
     Ok(recording)
 }
 
-fn damaged(path: &Path, what: String) -> RecordError {
+pub(super) fn damaged(path: &Path, what: String) -> RecordError {
     RecordError::Damaged { format: "MCAP", what, path: path.to_path_buf() }
 }
 
@@ -223,13 +243,7 @@ fn for_each_record(
             }
             LinearReadEvent::Record { data, opcode } => {
                 let more = match mcap::parse_record(opcode, data).map_err(fail)? {
-                    Record::Chunk { header, data } => {
-                        mcap_chunk::for_each(&header, &data, LONGEST_RECORD, &mut on_record)
-                            .map_err(|error| match error {
-                                ChunkError::Damaged(what) => damaged(path, what),
-                                ChunkError::Record(error) => error,
-                            })?
-                    }
+                    Record::Chunk { header, data } => unpack(&header, &data, path, &mut on_record)?,
                     record => on_record(record)?,
                 };
                 if !more {
@@ -241,8 +255,35 @@ fn for_each_record(
     Ok(())
 }
 
+fn unpack(
+    header: &ChunkHeader,
+    data: &[u8],
+    path: &Path,
+    on_record: &mut dyn FnMut(Record<'_>) -> Result<bool, RecordError>,
+) -> Result<bool, RecordError> {
+    mcap_chunk::for_each(header, data, LONGEST_RECORD, on_record).map_err(|error| match error {
+        ChunkError::Damaged(what) => damaged(path, what),
+        ChunkError::Record(error) => error,
+    })
+}
+
+/// Calls `on_record` for every record of the chunk whose record has `body`.
+pub(super) fn chunk(
+    body: &[u8],
+    path: &Path,
+    on_record: &mut dyn FnMut(Record<'_>) -> Result<bool, RecordError>,
+) -> Result<(), RecordError> {
+    match mcap::parse_record(mcap::records::op::CHUNK, body) {
+        Ok(Record::Chunk { header, data }) => unpack(&header, &data, path, on_record).map(drop),
+        Ok(_) => Err(damaged(path, "its index names no chunk".to_owned())),
+        Err(error) => Err(damaged(path, error.to_string())),
+    }
+}
+
 /// A recording being filled.
-struct Reading {
+pub(super) struct Reading {
+    /// Whether messages of episodes that the header does not name are passed over.
+    only_some: bool,
     recording: Recording,
     messages: Vec<Message>,
     /// Place of the channel with each number, by number.
@@ -261,20 +302,38 @@ impl Reading {
             messages,
             places: BTreeMap::new(),
             episodes: numbers.collect(),
+            only_some: false,
             recording: Recording { about: header.about, channels: header.channels, episodes },
         }
     }
 
+    /// For the episodes that are left in `header` of those in the file.
+    pub(super) fn of_some(header: Header) -> Self {
+        Self { only_some: true, ..Self::new(header) }
+    }
+
+    /// What was filled, if nothing is missing.
+    pub(super) fn finish(self, path: &Path) -> Result<Recording, RecordError> {
+        self.recording.check().map_err(|error| damaged(path, error.to_string()))?;
+        Ok(self.recording)
+    }
+
     /// Channels that the header does not know are left alone.
-    fn add_channel(&mut self, id: u16, topic: &str) {
+    pub(super) fn add_channel(&mut self, id: u16, topic: &str) {
         let place = topic.strip_prefix('/').and_then(|name| self.recording.place(name));
         if let Some(place) = place {
             self.places.insert(id, place);
         }
     }
 
-    fn take(&mut self, channel: u16, text: &[u8]) -> Result<(), String> {
+    pub(super) fn take(&mut self, channel: u16, text: &[u8]) -> Result<(), String> {
         let Some(&place) = self.places.get(&channel) else { return Ok(()) };
+        if self.only_some
+            && mcap_message::episode(text)
+                .is_some_and(|number| !self.episodes.contains_key(&number))
+        {
+            return Ok(());
+        }
         let (message, name) = (&self.messages[place], &self.recording.channels[place].name);
         let (known, episodes) = (&self.episodes, &mut self.recording.episodes);
         message.read(text, |number, step| {

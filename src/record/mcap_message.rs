@@ -83,6 +83,13 @@ impl Message {
     }
 }
 
+/// The episode that a message belongs to, from its first member.
+pub(super) fn episode(text: &[u8]) -> Option<u64> {
+    let digits = text.strip_prefix(b"{\"episode\":")?;
+    let end = digits.iter().position(|byte| !byte.is_ascii_digit())?;
+    std::str::from_utf8(&digits[..end]).ok()?.parse().ok()
+}
+
 /// An infinite number has no JSON.
 pub(super) fn check_finite(recording: &Recording) -> Result<(), RecordError> {
     for episode in &recording.episodes {

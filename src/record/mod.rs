@@ -31,9 +31,13 @@ mod mcap_chunk;
 #[cfg(feature = "mcap")]
 mod mcap_message;
 #[cfg(feature = "mcap")]
+mod mcap_part;
+#[cfg(feature = "mcap")]
 mod mcap_summary;
 #[cfg(feature = "parquet")]
 mod parquet;
+#[cfg(feature = "parquet")]
+mod parquet_part;
 #[cfg_attr(
     not(any(feature = "parquet", feature = "mcap", feature = "hdf5")),
     expect(unused, reason = "no format is built in")
@@ -47,6 +51,8 @@ pub mod recording;
 mod recording_parquet;
 mod result_files;
 mod rows;
+#[cfg(feature = "view")]
+pub mod scene;
 mod signal_selection;
 mod subspace_curves;
 mod table;
@@ -69,7 +75,8 @@ pub use events::{
     read_event_files, read_event_run,
 };
 pub use format::{
-    Format, Opened, Summary, may_be_recording, read_recording, summarise, write_recording,
+    Format, Opened, Summary, may_be_recording, read_episodes, read_recording, summarise,
+    write_recording,
 };
 #[cfg(feature = "parquet")]
 pub use parquet::{read_parquet, write_parquet};

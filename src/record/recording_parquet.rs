@@ -20,6 +20,7 @@ use polars::prelude::{
 
 use super::header::Header;
 use super::parquet::{ARROW_SCHEMA, LARGEST_FILE, UNITS};
+use super::parquet_part::PartOfFile;
 use super::recording::{Channel, Element, Episode, Recording, Samples};
 use super::{Place, RecordError};
 use crate::files;
@@ -164,7 +165,7 @@ fn column(
 
 /// Everything about the recording in `path` but its samples.
 pub(super) fn read_header(path: &Path) -> Result<Header, RecordError> {
-    header_of(&files::read_bounded(path, LARGEST_FILE)?, path)
+    header_of(PartOfFile::open(path)?.bytes(), path)
 }
 
 fn header_of(bytes: &[u8], path: &Path) -> Result<Header, RecordError> {
@@ -196,24 +197,54 @@ fn header_of(bytes: &[u8], path: &Path) -> Result<Header, RecordError> {
 pub(super) fn read(path: &Path) -> Result<Recording, RecordError> {
     let bytes = files::read_bounded(path, LARGEST_FILE)?;
     let header = header_of(&bytes, path)?;
-    let fail = |source| RecordError::Parquet { path: path.to_path_buf(), source };
     let mut episodes = header.empty_episodes();
     let mut row = 0;
     for group in groups(header.episodes.iter().map(|facts| facts.length)) {
-        let group = &mut episodes[group];
-        let rows = group.iter().map(|episode| episode.facts.length).sum();
-        let frame = ParquetReader::new(Cursor::new(&bytes[..]))
-            .with_slice(Some((row, rows)))
-            .finish()
-            .map_err(fail)?;
-        row += rows;
-        for (place, channel) in header.channels.iter().enumerate() {
-            take(&frame, channel, place, group, path)?;
-        }
+        row += fill(&bytes, &header.channels, row, &mut episodes[group], path)?;
     }
     let recording = Recording { about: header.about, channels: header.channels, episodes };
     recording.check()?;
     Ok(recording)
+}
+
+/// Reads the episodes with these numbers, and of the file only the row groups that they are in.
+pub(super) fn read_episodes(path: &Path, numbers: &[u64]) -> Result<Recording, RecordError> {
+    let mut part = PartOfFile::open(path)?;
+    let header = header_of(part.bytes(), path)?;
+    let mut episodes = header.empty_episodes();
+    let mut row = 0;
+    for episode in &mut episodes {
+        let length = episode.facts.length;
+        if numbers.contains(&episode.facts.number) {
+            part.fetch_rows(row..row + length)?;
+            let one = std::slice::from_mut(episode);
+            fill(part.bytes(), &header.channels, row, one, path)?;
+        }
+        row += length;
+    }
+    episodes.retain(|episode| numbers.contains(&episode.facts.number));
+    let recording = Recording { about: header.about, channels: header.channels, episodes };
+    recording.check()?;
+    Ok(recording)
+}
+
+/// Fills consecutive episodes from the rows that begin at `row`; how many rows that were.
+fn fill(
+    bytes: &[u8],
+    channels: &[Channel],
+    row: usize,
+    episodes: &mut [Episode],
+    path: &Path,
+) -> Result<usize, RecordError> {
+    let rows = episodes.iter().map(|episode| episode.facts.length).sum();
+    let frame = ParquetReader::new(Cursor::new(bytes))
+        .with_slice(Some((row, rows)))
+        .finish()
+        .map_err(|source| RecordError::Parquet { path: path.to_path_buf(), source })?;
+    for (place, channel) in channels.iter().enumerate() {
+        take(&frame, channel, place, episodes, path)?;
+    }
+    Ok(rows)
 }
 
 /// Takes a channel of a group of episodes from its rows.

@@ -10,9 +10,11 @@ pub mod engine;
 pub mod environment;
 pub mod layout;
 pub mod muscles;
+pub mod puppet;
 pub mod recording;
 pub mod rollout;
 pub mod rotation;
 pub mod tasks;
+pub mod watching;
 
 pub use crate::random;

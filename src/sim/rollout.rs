@@ -20,6 +20,7 @@ use super::muscles;
 use super::random::Random;
 use super::recording::{self, Recorder, Sent};
 use super::tasks::{Definition, RewardConfiguration};
+use super::watching::{Stepped, Watcher};
 
 pub use super::recording::{ChannelNames, Channels, Recording};
 
@@ -153,7 +154,7 @@ pub fn play(
 ) -> Result<Vec<Episode>, RolloutError> {
     let finished = Mutex::new(Vec::with_capacity(specs.len()));
     let job = Job { plan: plan.clone(), specs };
-    play_jobs(machine, &[job], &|| true, &|_, index, episode| {
+    play_jobs(machine, &[job], None, &|| true, &|_, index, episode| {
         on_episode(&episode);
         locked(&finished).push((index, episode));
         ControlFlow::Continue(())
@@ -173,10 +174,12 @@ pub struct Job<'a> {
 }
 
 /// Plays all `jobs`. `on_episode` is given the places of job and episode, from the worker threads as episodes end; if it
-/// breaks, everything stops where it is. No episode begins once `goes_on` says no; those in play are finished.
+/// breaks, everything stops where it is. No episode begins once `goes_on` says no; those in play are finished. A `watcher`
+/// sees every step and changes nothing.
 pub fn play_jobs(
     machine: &Machine,
     jobs: &[Job<'_>],
+    watcher: Option<&dyn Watcher>,
     goes_on: &(dyn Fn() -> bool + Sync),
     on_episode: &(dyn Fn(usize, usize, Episode) -> ControlFlow<()> + Sync),
 ) -> Result<(), RolloutError> {
@@ -201,7 +204,10 @@ pub fn play_jobs(
                     // The lock ends here: bodies are made one after the other, and play side by side.
                     let worker = Worker::new(&locked(&list.template), list.plan, batch);
                     match worker {
-                        Ok(mut worker) => worker.run(list.plan, &next, broken, &finish),
+                        Ok(mut worker) => {
+                            worker.watcher = watcher.map(|watcher| (watcher, job));
+                            worker.run(list.plan, &next, broken, &finish);
+                        }
                         Err(error) => {
                             broken.store(true, Ordering::Relaxed);
                             *locked(failure) = Some(error);
@@ -291,7 +297,9 @@ pub fn channel_names(
 }
 
 /// A thread's bodies and everything they need, allocated once.
-struct Worker {
+struct Worker<'a> {
+    /// Who looks on, and the place of the job that is watched.
+    watcher: Option<(&'a dyn Watcher, usize)>,
     environments: Vec<Environment>,
     slots: Vec<Slot>,
     actor: Box<dyn Actor>,
@@ -304,6 +312,8 @@ struct Worker {
     means: Vec<f32>,
     deviations: Vec<f32>,
     action: Vec<f32>,
+    /// The action before it is projected; kept only for a watcher.
+    chosen: Vec<f32>,
     excitation: Vec<f64>,
     projection_scratch: Vec<f64>,
 }
@@ -315,7 +325,7 @@ struct Slot {
     episode: Option<Episode>,
 }
 
-impl Worker {
+impl Worker<'_> {
     fn new(
         template: &Environment,
         plan: &RolloutPlan<'_>,
@@ -333,6 +343,7 @@ impl Worker {
         };
         let scratch = plan.projections.iter().map(scratch_of).max().unwrap_or(0);
         Ok(Self {
+            watcher: None,
             slots: (0..batch)
                 .map(|_| Slot { index: 0, action_random: Random::new([0; 32]), episode: None })
                 .collect(),
@@ -345,6 +356,7 @@ impl Worker {
             means: vec![0.0; batch * muscles],
             deviations: vec![0.0; batch * muscles],
             action: vec![0.0; muscles],
+            chosen: vec![0.0; muscles],
             excitation: vec![0.0; muscles],
             projection_scratch: vec![0.0; scratch],
             environments,
@@ -384,6 +396,9 @@ impl Worker {
     fn begin(&mut self, slot: usize, index: usize, spec: EpisodeSpec) {
         self.environments[slot].reset(&mut Random::new(spec.reset_seed));
         self.actor.reset(slot);
+        if let Some((watcher, job)) = self.watcher {
+            watcher.begins(job, index, &spec, &self.environments[slot]);
+        }
         self.slots[slot] = Slot {
             index,
             action_random: Random::new(spec.action_seed),
@@ -420,7 +435,7 @@ impl Worker {
     fn advance(&mut self, plan: &RolloutPlan<'_>, row: usize, slot: usize) -> Option<Episode> {
         let columns = row * self.muscles..(row + 1) * self.muscles;
         let means = &self.means[columns.clone()];
-        let Slot { action_random, episode, .. } = &mut self.slots[slot];
+        let Slot { action_random, episode, index } = &mut self.slots[slot];
         let playing = episode.as_mut()?;
         self.action.copy_from_slice(means);
         if plan.mode == ActionMode::Stochastic {
@@ -448,6 +463,9 @@ impl Worker {
             }
         }
         let subspace = playing.spec.projection.map(|place| &plan.projections[place]);
+        if self.watcher.is_some() {
+            self.chosen.copy_from_slice(&self.action);
+        }
         if let Some(Subspace::Actions(projection)) = subspace {
             projection.apply(&mut self.action, &mut self.projection_scratch);
         }
@@ -466,6 +484,11 @@ impl Worker {
         playing.solved_steps += usize::from(outcome.solved);
         playing.reward += outcome.reward;
         playing.diverged_steps += usize::from(outcome.diverged);
+        if let Some((watcher, job)) = self.watcher {
+            let (chosen, action) = (&self.chosen, &self.action);
+            let stepped = Stepped { step: playing.steps, chosen, action, outcome: &outcome };
+            watcher.stepped(job, *index, environment, &stepped);
+        }
         if outcome.ended() {
             playing.terminated = outcome.terminated;
             return episode.take();

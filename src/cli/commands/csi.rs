@@ -12,6 +12,8 @@ use crate::cli::finish::{self, Output};
 use crate::cli::laboratory::{Defaults, Laboratory, PlayArguments};
 use crate::cli::progress::Progress;
 use crate::cli::render::{self, Align, Hinted};
+#[cfg(feature = "view")]
+use crate::cli::viewing::{self, WatchArguments};
 use crate::cli::{signals, sweep};
 use crate::experiment::csi::{self, CsiOptions, CsiScene, Design, Method, SynergyOptions};
 use crate::files;
@@ -49,6 +51,9 @@ pub struct CsiArguments {
     /// How much to play where it is not said otherwise
     #[arg(long, value_enum, value_name = "BUDGET", default_value = "paper")]
     budget: Budget,
+    #[cfg(feature = "view")]
+    #[command(flatten)]
+    watch: WatchArguments,
 }
 
 /// What the components are.
@@ -212,6 +217,8 @@ pub fn run(context: &Context, arguments: &CsiArguments) -> anyhow::Result<Outcom
     let plan = decides(&laboratory, &options, experts.as_ref());
     let (folder, finished) = finish::open(context, &laboratory, "csi", &plan)?;
     if let Some(manifest) = finished {
+        #[cfg(feature = "view")]
+        arguments.watch.warn_of_nothing_played(context);
         return finish::print(context, &folder, &manifest, &table);
     }
     let machine = &laboratory.machine;
@@ -226,9 +233,18 @@ pub fn run(context: &Context, arguments: &CsiArguments) -> anyhow::Result<Outcom
         on_fits: &|total| count_fits(context, total),
     };
     let arms = design.arms();
+    #[cfg(feature = "view")]
+    arguments.watch.seat(&laboratory)?;
     let Some((played, seconds)) = sweep::play(context, &folder, &laboratory, &scene, arms)? else {
         return Ok(Outcome::Done);
     };
+    #[cfg(feature = "view")]
+    {
+        viewing::close(context, &laboratory)?;
+        if let Some(viewer) = arguments.watch.file() {
+            super::csi_scene::save(context, &laboratory, &scene, &played, viewer)?;
+        }
+    }
     let mut csi = csi::assemble(&scene, &played)?;
     if let Some(experts) = &experts {
         let fraction = |task: &str| experts.results.get(task)?.avg_solved_step_frac;

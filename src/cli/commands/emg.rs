@@ -12,6 +12,8 @@ use crate::cli::context::{Context, Outcome};
 use crate::cli::finish::{self, Output};
 use crate::cli::laboratory::PlayArguments;
 use crate::cli::render::{self, Align, Hinted};
+#[cfg(feature = "view")]
+use crate::cli::viewing::WatchArguments;
 use crate::experiment::emg::{EmgOptions, EmgResult, HUMAN};
 use crate::experiment::emg_subjects::{Subjects, SubjectsError, WalkingSpeed, read_subjects};
 
@@ -43,6 +45,9 @@ pub struct EmgArguments {
     cycles: CycleArguments,
     #[command(flatten)]
     play: PlayArguments,
+    #[cfg(feature = "view")]
+    #[command(flatten)]
+    watch: WatchArguments,
 }
 
 /// A head of the biceps femoris.
@@ -106,9 +111,13 @@ pub fn run(context: &Context, arguments: &EmgArguments) -> anyhow::Result<Outcom
     });
     let (folder, finished) = finish::open_below(context, arguments.play.out(), "emg", &plan)?;
     if let Some(manifest) = finished {
+        #[cfg(feature = "view")]
+        arguments.watch.warn_of_nothing_played(context);
         finish::print(context, &folder, &manifest, &table)?;
         return Ok(outcome(&manifest.result));
     }
+    #[cfg(feature = "view")]
+    let walks = walks.watched(context, &arguments.watch)?;
     let Some((walks, machine)) = walks.all(context, &folder)? else { return Ok(Outcome::Done) };
     let result = EmgResult::of(subjects, &walks, options).map_err(walking::with_hint)?;
     for warning in result.policies.iter().flat_map(|policy| &policy.warnings) {

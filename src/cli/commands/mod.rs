@@ -6,6 +6,8 @@ pub mod convert;
 mod convert_policy;
 #[cfg(feature = "play")]
 pub mod csi;
+#[cfg(feature = "view")]
+mod csi_scene;
 #[cfg(feature = "play")]
 pub mod curves;
 mod data_sets;
@@ -53,6 +55,8 @@ pub mod train;
 mod train_csi;
 #[cfg(feature = "play")]
 pub mod verify;
+#[cfg(feature = "view")]
+pub mod view;
 #[cfg(feature = "play")]
 mod walking;
 #[cfg(feature = "play")]

@@ -8,7 +8,11 @@ use crate::cli::finish::{self, Output};
 use crate::cli::laboratory::{Defaults, Laboratory, PlayArguments};
 use crate::cli::render::{self, Align};
 use crate::cli::sweep;
+#[cfg(feature = "view")]
+use crate::cli::viewing::{self, WatchArguments};
 use crate::experiment::recording::{self, Source};
+#[cfg(feature = "view")]
+use crate::experiment::run_folder::RunFolder;
 use crate::record::Format;
 
 /// Arguments of `rollout`.
@@ -19,6 +23,9 @@ pub struct RolloutArguments {
     /// Format of the recordings; several may be given
     #[arg(long, value_name = "FORMAT", value_enum, num_args = 1.., value_delimiter = ',', default_value = "parquet")]
     format: Vec<RecordingFormat>,
+    #[cfg(feature = "view")]
+    #[command(flatten)]
+    watch: WatchArguments,
 }
 
 /// A format that holds every channel.
@@ -57,13 +64,19 @@ pub fn run(context: &Context, arguments: &RolloutArguments) -> anyhow::Result<Ou
     plan["formats"] = formats.iter().map(|format| format.word()).collect();
     let (folder, finished) = finish::open(context, &laboratory, "rollout", &plan)?;
     if let Some(manifest) = finished {
+        #[cfg(feature = "view")]
+        save(context, arguments, &laboratory, &folder, &manifest.result)?;
         return finish::print(context, &folder, &manifest, &table);
     }
+    #[cfg(feature = "view")]
+    arguments.watch.seat(&laboratory)?;
     let arms = laboratory.recorded_arms();
     let Some((played, seconds)) = sweep::play(context, &folder, &laboratory, &laboratory, arms)?
     else {
         return Ok(Outcome::Done);
     };
+    #[cfg(feature = "view")]
+    viewing::close(context, &laboratory)?;
     let mut output = Output::new(&folder);
     let mut tasks = Map::new();
     for (place, task) in laboratory.tasks.iter().enumerate() {
@@ -84,7 +97,24 @@ pub fn run(context: &Context, arguments: &RolloutArguments) -> anyhow::Result<Ou
         tasks.insert(task.name.to_owned(), entry);
     }
     let manifest = output.finish(&laboratory, json!({"tasks": tasks}), seconds)?;
+    #[cfg(feature = "view")]
+    save(context, arguments, &laboratory, &folder, &manifest.result)?;
     finish::print(context, &folder, &manifest, &table)
+}
+
+/// Writes a scene of the first episodes, if one was asked for.
+#[cfg(feature = "view")]
+fn save(
+    context: &Context,
+    arguments: &RolloutArguments,
+    laboratory: &Laboratory,
+    folder: &RunFolder,
+    result: &Value,
+) -> anyhow::Result<()> {
+    let Some(viewer) = arguments.watch.file() else { return Ok(()) };
+    let tasks = result["tasks"].as_object().into_iter().flatten();
+    let files = tasks.filter_map(|(_, entry)| Some(folder.file(entry["files"][0].as_str()?)));
+    super::view::show_written(context, files.collect(), laboratory.physics, viewer)
 }
 
 fn table(result: &Value) -> String {

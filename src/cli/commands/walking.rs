@@ -12,6 +12,8 @@ use crate::cli::context::Context;
 use crate::cli::laboratory::{Defaults, Laboratory, PlayArguments};
 use crate::cli::render::Hinted;
 use crate::cli::sweep;
+#[cfg(feature = "view")]
+use crate::cli::viewing::{self, ViewerArguments, WatchArguments};
 use crate::experiment::recording::{self, Source};
 use crate::experiment::run_folder::RunFolder;
 use crate::experiment::walking::{Walk, WalkError, WalkOptions, read_walk};
@@ -161,6 +163,9 @@ pub(super) struct Walks {
     pub(super) plan: Value,
     /// What decides nothing.
     machine: Value,
+    /// Where a scene of the first episodes goes.
+    #[cfg(feature = "view")]
+    scene: Option<ViewerArguments>,
 }
 
 impl Walks {
@@ -193,7 +198,32 @@ impl Walks {
             plan["play"] = opened.decides();
             laboratory = Some(opened);
         }
-        Ok(Self { recorded, laboratory, options: options.clone(), plan, machine })
+        Ok(Self {
+            recorded,
+            laboratory,
+            options: options.clone(),
+            plan,
+            machine,
+            #[cfg(feature = "view")]
+            scene: None,
+        })
+    }
+
+    /// The same with somebody who looks on.
+    #[cfg(feature = "view")]
+    pub(super) fn watched(
+        mut self,
+        context: &Context,
+        watch: &WatchArguments,
+    ) -> anyhow::Result<Self> {
+        match &self.laboratory {
+            Some(laboratory) => {
+                watch.seat(laboratory)?;
+                self.scene = watch.file().cloned();
+            }
+            None => watch.warn_of_nothing_played(context),
+        }
+        Ok(self)
     }
 
     /// Whose walks they are.
@@ -211,6 +241,8 @@ impl Walks {
         context: &Context,
         folder: &RunFolder,
     ) -> anyhow::Result<Option<(Vec<Walk>, Value)>> {
+        #[cfg(feature = "view")]
+        let scene = self.scene.clone();
         let Self { recorded: mut walks, laboratory, options, mut machine, .. } = self;
         let Some(laboratory) = laboratory else {
             sweep::nothing_to_play(context)?;
@@ -221,6 +253,13 @@ impl Walks {
         else {
             return Ok(None);
         };
+        #[cfg(feature = "view")]
+        {
+            viewing::close(context, &laboratory)?;
+            if let Some(viewer) = scene {
+                viewing::save_played(context, &laboratory, &played, &viewer)?;
+            }
+        }
         for (place, task) in laboratory.tasks.iter().enumerate() {
             let (names, episodes) = laboratory.recorded(&played, place)?;
             let policy = name_of(&laboratory, task.name);

@@ -90,6 +90,7 @@ pub fn measure(
         scene: &Same(&counts),
         goes_on: &|| true,
         on_episode: &|| (),
+        watcher: None,
     };
     let sweep_plan = sweep_plan(task, episodes);
     sweep(&sweep_plan, &crew)?;

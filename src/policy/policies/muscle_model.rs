@@ -66,6 +66,12 @@ impl MuscleParameters {
 }
 
 impl MuscleModel {
+    /// Force at full activation and the best length, held still, N.
+    #[must_use]
+    pub fn strongest(&self) -> f64 {
+        self.gain.peak_force(self.acceleration)
+    }
+
     /// Force per activation, N, never positive.
     #[must_use]
     pub fn gain(&self, length: f64, velocity: f64) -> f64 {

@@ -15,7 +15,7 @@ pub(super) struct Span<T> {
 
 impl<T> Span<T> {
     /// An array of `count` rows of `width`; sizes in the declarations are `int` or 64-bit, by version.
-    fn new<N: TryInto<usize>>(start: *mut T, count: N, width: usize) -> Self {
+    pub(super) fn new<N: TryInto<usize>>(start: *mut T, count: N, width: usize) -> Self {
         let length = count.try_into().unwrap_or(0) * width;
         if start.is_null() { Self { start, length: 0 } } else { Self { start, length } }
     }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use crate::assets::PhysicsVersion;
 
+use super::appearance::{self, Looks, Traces};
 use super::bindings_2_3_7 as v2;
 use super::bindings_3_17_0 as v3;
 use super::capture::{self, DataFields, ModelFields};
@@ -84,6 +85,7 @@ pub(super) struct Functions {
     pub(super) step2: unsafe extern "C" fn(*const c_void, *mut c_void),
     pub(super) object_velocity:
         unsafe extern "C" fn(*const c_void, *const c_void, c_int, c_int, *mut f64, c_int),
+    pub(super) contact_force: unsafe extern "C" fn(*const c_void, *const c_void, c_int, *mut f64),
 }
 
 /// An opened `MuJoCo` library. Shared by every body that lives in it; stays open as long as one of them does.
@@ -149,6 +151,7 @@ impl Library {
                 step1: symbol!("mj_step1"),
                 step2: symbol!("mj_step2"),
                 object_velocity: symbol!("mj_objectVelocity"),
+                contact_force: symbol!("mj_contactForce"),
             }
         };
         Ok(Arc::new(Self { functions, version, _handle: handle }))
@@ -184,6 +187,34 @@ impl Library {
             match self.version {
                 PhysicsVersion::V2_3_7 => capture::v2_3_7::data(model.cast(), data.cast()),
                 PhysicsVersion::V3_17_0 => capture::v3_17_0::data(model.cast(), data.cast()),
+            }
+        }
+    }
+
+    /// Addresses of the arrays of a model that its looks depend on.
+    ///
+    /// # Safety
+    /// `model` must be a valid model of this library.
+    pub(super) unsafe fn looks(&self, model: *mut c_void) -> Looks {
+        // SAFETY: as above.
+        unsafe {
+            match self.version {
+                PhysicsVersion::V2_3_7 => appearance::v2_3_7::looks(model.cast()),
+                PhysicsVersion::V3_17_0 => appearance::v3_17_0::looks(model.cast()),
+            }
+        }
+    }
+
+    /// Where a body's state keeps its tendons and contacts.
+    ///
+    /// # Safety
+    /// `model` and `data` must be valid, belong together and be of this library.
+    pub(super) unsafe fn traces(&self, model: *mut c_void, data: *mut c_void) -> Traces {
+        // SAFETY: as above.
+        unsafe {
+            match self.version {
+                PhysicsVersion::V2_3_7 => appearance::v2_3_7::traces(model.cast(), data.cast()),
+                PhysicsVersion::V3_17_0 => appearance::v3_17_0::traces(model.cast(), data.cast()),
             }
         }
     }

@@ -8,6 +8,7 @@ use std::ffi::{CStr, CString, c_char, c_int, c_void};
 use std::path::Path;
 use std::sync::Arc;
 
+use super::appearance::{Looks, Traces};
 use super::capture::{ACTUATOR_PARAMETERS, DataFields, ModelFields, NameTable, Span};
 use super::library::{EngineError, Library};
 use crate::policy::policies::muscle_model::{MuscleModel, MuscleParameters};
@@ -419,6 +420,32 @@ impl Simulation {
         velocity
     }
 
+    /// Force along the normal of contact `contact`, N; 0 where it does not push.
+    ///
+    /// # Panics
+    /// If there is no such contact.
+    #[must_use]
+    pub(super) fn contact_force(&self, contact: usize) -> f64 {
+        assert!(contact < self.contact_count(), "contact {contact} does not exist");
+        let mut force = [0.0; 6];
+        // SAFETY: the contact exists, the result has six elements, model and state are only read.
+        unsafe {
+            let contact_force = self.library.functions.contact_force;
+            contact_force(self.model, self.data, contact as c_int, force.as_mut_ptr());
+        }
+        force[0]
+    }
+
+    pub(super) fn looks(&self) -> Looks {
+        // SAFETY: this body's own model, in its own library.
+        unsafe { self.library.looks(self.model) }
+    }
+
+    pub(super) fn traces(&self) -> Traces {
+        // SAFETY: this body's own model and state, in their own library.
+        unsafe { self.library.traces(self.model, self.data) }
+    }
+
     /// Number of the element called `name`.
     pub fn find(&self, kind: Names, name: &str) -> Result<usize, EngineError> {
         self.names_of(kind)
@@ -491,7 +518,7 @@ impl Simulation {
 
 /// # Safety
 /// The span must lie in live memory of the owner whose borrow gives `'a`.
-unsafe fn slice<'a, T: Copy>(span: Span<T>) -> &'a [T] {
+pub(super) unsafe fn slice<'a, T: Copy>(span: Span<T>) -> &'a [T] {
     if span.length == 0 {
         return &[];
     }

@@ -1,0 +1,207 @@
+//! How the viewer arranges an act: for every take its body above its heat map, side by side; the signals to the right.
+//!
+//! Rerun's own builder draws random names for views and containers. Here they are counted, so that equal acts give equal
+//! bytes.
+
+use re_sdk::log::LogMsg;
+use re_sdk::{ApplicationId, AsComponents, EntityPath, StoreId, StoreKind};
+use re_sdk_types::blueprint::archetypes::{
+    Background, ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, PlotLegend,
+    TimePanelBlueprint, ViewBlueprint, ViewContents, ViewportBlueprint,
+};
+use re_sdk_types::blueprint::components::{
+    BackgroundKind, ColumnShare, ContainerKind, Eye3DKind, IncludedContent, LoopMode, PanelState,
+    PlayState, PlaybackSpeed, QueryExpression, RootContainer, RowShare, TimelineName, ViewClass,
+};
+use re_sdk_types::components::{Color, Name, Position3D, Visible};
+use re_sdk_types::datatypes::{Bool, Float32, Float64, Uuid};
+
+use super::script::{Act, Take};
+use super::store::{SceneError, Store, TIME, blueprint_time};
+use super::{heat, stage};
+
+/// Plots with more lines than this have no legend: it would hide them.
+const LONGEST_LEGEND: usize = 8;
+
+/// All messages of the blueprint of `act`.
+pub(super) fn messages(act: &Act) -> Result<Vec<LogMsg>, SceneError> {
+    let id = StoreId::new(
+        StoreKind::Blueprint,
+        ApplicationId::new_or_unknown(act.task.as_str()),
+        format!("{} layout", act.task),
+    );
+    let mut plan = Plan { store: Store::new(id), count: 0 };
+    let mut columns = Vec::new();
+    for take in &act.takes {
+        let scene = plan.scene(take)?;
+        let map = plan.view(
+            "2D",
+            &format!("Activation of {} muscles over time", take.stage.muscles.len()),
+            &heat::path(&take.path()),
+            &[],
+        )?;
+        let column =
+            plan.container(ContainerKind::Vertical, &take.label, &[scene, map], &[3.2, 1.0])?;
+        columns.push((column, 2.0));
+    }
+    let signals = plan.signals(act)?;
+    columns.push((signals, if act.takes.len() == 1 { 1.6 } else { 1.4 }));
+    let (contents, shares): (Vec<Part>, Vec<f32>) = columns.into_iter().unzip();
+    let root = plan.container(ContainerKind::Horizontal, &act.task, &contents, &shares)?;
+    plan.finish(&root)
+}
+
+/// A view or a container.
+struct Part {
+    path: String,
+    number: u64,
+}
+
+struct Plan {
+    store: Store,
+    count: u64,
+}
+
+impl Plan {
+    fn say(&mut self, path: &str, what: &dyn AsComponents) -> Result<(), SceneError> {
+        self.store.row(path, blueprint_time(), what)
+    }
+
+    fn part(&mut self, kind: &str) -> Part {
+        self.count += 1;
+        let number = self.count;
+        Part { path: format!("{kind}/00000000-0000-4000-8000-{number:012x}"), number }
+    }
+
+    /// A view of `class` on what is below `origin`, with properties.
+    fn view(
+        &mut self,
+        class: &str,
+        title: &str,
+        origin: &EntityPath,
+        properties: &[(&str, &dyn AsComponents)],
+    ) -> Result<Part, SceneError> {
+        let part = self.part("view");
+        // What is drawn in the plane has no place among bodies.
+        let left_out = ["- $origin/muscles_by_time/**", "- $origin/signals/**"];
+        let left_out = left_out.into_iter().filter(|_| class == "3D");
+        let contents = std::iter::once("+ $origin/**").chain(left_out);
+        let contents = contents.map(|query| QueryExpression(query.into()));
+        let contents = ViewContents::new(contents);
+        self.say(&format!("{}/ViewContents", part.path), &contents)?;
+        let view = ViewBlueprint::new(ViewClass(class.into()))
+            .with_display_name(Name(title.into()))
+            .with_space_origin(origin.to_string());
+        self.say(&part.path, &view)?;
+        for (name, what) in properties {
+            self.say(&format!("{}/{name}", part.path), *what)?;
+        }
+        Ok(part)
+    }
+
+    fn container(
+        &mut self,
+        kind: ContainerKind,
+        title: &str,
+        contents: &[Part],
+        shares: &[f32],
+    ) -> Result<Part, SceneError> {
+        let part = self.part("container");
+        let paths = contents.iter().map(|part| IncludedContent(part.path.as_str().into()));
+        let container = ContainerBlueprint::new(kind)
+            .with_display_name(Name(title.into()))
+            .with_contents(paths);
+        let shares = shares.iter().map(|&share| Float32(share));
+        let container = match kind {
+            ContainerKind::Vertical => container.with_row_shares(shares.map(RowShare)),
+            ContainerKind::Horizontal => container.with_col_shares(shares.map(ColumnShare)),
+            _ => container,
+        };
+        self.say(&part.path, &container)?;
+        Ok(part)
+    }
+
+    /// The body, from where it is best seen.
+    fn scene(&mut self, take: &Take) -> Result<Part, SceneError> {
+        let mut eye = EyeControls3D::new()
+            .with_kind(Eye3DKind::Orbital)
+            .with_position(Position3D::from(take.stage.eye))
+            .with_look_target(Position3D::from(take.stage.look_at))
+            .with_eye_up([0.0, 0.0, 1.0]);
+        if let Some(body) = take.stage.follow {
+            let path = stage::body_path(&take.path(), body, &take.stage.bodies[body].name);
+            eye = eye.with_tracking_entity(path.to_string());
+        }
+        let background =
+            Background::new(BackgroundKind::SolidColor).with_color(Color::from_rgb(24, 26, 31));
+        let grid = LineGrid3D::new().with_visible(Visible(Bool(false)));
+        self.view(
+            "3D",
+            &take.label,
+            &take.path(),
+            &[("EyeControls3D", &eye), ("Background", &background), ("LineGrid3D", &grid)],
+        )
+    }
+
+    /// The signals: one plot per quantity, and of several takes one beside the other.
+    fn signals(&mut self, act: &Act) -> Result<Part, SceneError> {
+        let mut names: Vec<&str> = Vec::new();
+        for signal in act.takes.iter().flat_map(|take| &take.signals) {
+            if !names.contains(&signal.name.as_str()) {
+                names.push(&signal.name);
+            }
+        }
+        let mut plots = Vec::new();
+        for name in names {
+            let mut row = Vec::new();
+            for take in &act.takes {
+                let Some(signal) = take.signals.iter().find(|signal| signal.name == name) else {
+                    continue;
+                };
+                let few = signal.elements.len() <= LONGEST_LEGEND;
+                let legend = PlotLegend::new().with_visible(Visible(Bool(few)));
+                let title = match act.takes.len() {
+                    1 => signal.title.clone(),
+                    _ => format!("{}: {}", take.label, signal.title),
+                };
+                let path = signal.path(&take.path());
+                row.push(self.view("TimeSeries", &title, &path, &[("PlotLegend", &legend)])?);
+            }
+            plots.push(match row.len() {
+                1 => row.remove(0),
+                _ => {
+                    self.container(ContainerKind::Horizontal, name, &row, &vec![1.0; row.len()])?
+                }
+            });
+        }
+        let notes = self.view("TextDocument", "Notes", &EntityPath::from("notes"), &[])?;
+        let shares = vec![1.0; plots.len()];
+        let plots = self.container(ContainerKind::Vertical, "Signals", &plots, &shares)?;
+        self.container(ContainerKind::Tabs, "Signals and notes", &[plots, notes], &[])
+    }
+
+    /// The frame around it, and the end.
+    fn finish(mut self, root: &Part) -> Result<Vec<LogMsg>, SceneError> {
+        let mut id = [0_u8; 16];
+        id[6] = 0x40;
+        id[8] = 0x80;
+        id[8..].iter_mut().zip(root.number.to_be_bytes()).for_each(|(into, from)| *into |= from);
+        let viewport = ViewportBlueprint::new()
+            .with_root_container(RootContainer(Uuid { bytes: id }))
+            .with_auto_layout(Bool(false))
+            .with_auto_views(Bool(false));
+        self.say("viewport", &viewport)?;
+        let closed = PanelBlueprint::new().with_state(PanelState::Collapsed);
+        self.say("blueprint_panel", &closed)?;
+        self.say("selection_panel", &closed)?;
+        let time = TimePanelBlueprint::new()
+            .with_state(PanelState::Collapsed)
+            .with_timeline(TimelineName(TIME.into()))
+            .with_playback_speed(PlaybackSpeed(Float64(0.5)))
+            .with_play_state(PlayState::Playing)
+            .with_loop_mode(LoopMode::All);
+        self.say("time_panel", &time)?;
+        self.store.activate();
+        Ok(self.store.take())
+    }
+}

@@ -1,0 +1,193 @@
+//! A viewer that runs: found or started, and told what happens.
+//!
+//! Sending waits when the viewer is slow, so it belongs on a thread of its own; see `experiment/watching`.
+
+use std::str::FromStr;
+use std::time::Duration;
+
+use re_sdk::SpawnOptions;
+use re_sdk::external::re_uri::ProxyUri;
+use re_sdk::log::LogMsg;
+use re_sdk::sink::{GrpcSink, LogSink};
+
+use crate::units::Seconds;
+
+use super::script::{Act, Take};
+use super::store::{SceneError, Store};
+use super::{Frame, Signal, Stage, blueprint, heat, script, stage};
+
+/// Where the viewer is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Connection {
+    /// The one on this machine, started if there is none: the program `rerun`, or the one named.
+    Spawn { program: Option<String> },
+    /// One that listens somewhere: `rerun+http://HOST:PORT/proxy`.
+    Connect { url: String },
+}
+
+/// How long the end waits until everything has arrived.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// A viewer that listens.
+pub struct Viewer {
+    sink: GrpcSink,
+    url: String,
+}
+
+impl std::fmt::Debug for Viewer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "the viewer at `{}`", self.url)
+    }
+}
+
+impl Viewer {
+    /// Finds or starts a viewer.
+    pub fn open(connection: &Connection) -> Result<Self, SceneError> {
+        let url = match connection {
+            Connection::Connect { url } => url.clone(),
+            Connection::Spawn { program } => {
+                let options = SpawnOptions {
+                    executable_path: program.clone(),
+                    hide_welcome_screen: true,
+                    detach_process: true,
+                    wait_for_bind: true,
+                    ..SpawnOptions::default()
+                };
+                let program = options.executable_path();
+                let started = re_sdk::spawn(&options).map_err(|error| {
+                    let source = std::io::Error::other(error.to_string());
+                    SceneError::Spawn { program, source }
+                })?;
+                format!("rerun+http://127.0.0.1:{}/proxy", started.port)
+            }
+        };
+        let uri = ProxyUri::from_str(&url)
+            .map_err(|error| SceneError::Address { url: url.clone(), what: error.to_string() })?;
+        Ok(Self { sink: GrpcSink::new(uri), url })
+    }
+
+    /// Shows a whole act.
+    pub fn show(&self, act: &Act, arrange: bool) -> Result<(), SceneError> {
+        if arrange {
+            self.send(blueprint::messages(act)?);
+        }
+        self.send(act.messages()?);
+        Ok(())
+    }
+
+    /// Where it listens.
+    #[must_use]
+    pub fn url(&self) -> &str {
+        &self.url
+    }
+
+    fn send(&self, messages: Vec<LogMsg>) {
+        for message in messages {
+            self.sink.send(message);
+        }
+    }
+
+    /// Waits until everything was taken.
+    pub fn finish(&self) -> Result<(), SceneError> {
+        self.sink
+            .flush_blocking(PATIENCE)
+            .map_err(|error| SceneError::Lost { url: self.url.clone(), what: error.to_string() })
+    }
+}
+
+/// An episode that is told while it happens.
+pub struct Broadcast {
+    act: Act,
+    horizon: usize,
+    store: Option<Store>,
+    /// Activations so far, by step: the heat map.
+    known: Vec<Vec<f32>>,
+    /// Frames for which there are signals.
+    signalled: Vec<usize>,
+}
+
+impl Broadcast {
+    /// An episode of `task` by the policy `label`.
+    #[must_use]
+    pub fn new(task: &str, episode: u64, label: &str, stage: Stage) -> Self {
+        let take = Take { label: label.to_owned(), stage, ..Take::default() };
+        let notes = format!(
+            "# {task}, episode {episode}\n\n* policy: {label}\n* watched while it was played\n"
+        );
+        let act = Act { task: task.to_owned(), episode, interval: 1.0, notes, takes: vec![take] };
+        Self { act, horizon: 1, store: None, known: Vec::new(), signalled: Vec::new() }
+    }
+
+    /// With the control step and the length of an episode that nothing ends.
+    #[must_use]
+    pub fn at(mut self, interval: Seconds, horizon: usize) -> Self {
+        self.act.interval = interval;
+        self.horizon = horizon + 1;
+        self
+    }
+
+    /// With `signals`, which have no values yet.
+    #[must_use]
+    pub fn with(mut self, signals: Vec<Signal>) -> Self {
+        self.act.takes[0].signals = signals;
+        self
+    }
+
+    /// Tells the viewer what does not change, and arranges its views if asked to.
+    pub fn open(&mut self, viewer: &Viewer, run: &str, arrange: bool) -> Result<(), SceneError> {
+        if arrange {
+            viewer.send(blueprint::messages(&self.act)?);
+        }
+        let Act { task, episode, notes, takes, .. } = &self.act;
+        let take = &takes[0];
+        let mut store = script::open(task, *episode, &[&take.label], notes, run)?;
+        stage::set(&mut store, &take.path(), &take.stage)?;
+        for signal in &take.signals {
+            signal.introduce(&mut store, &take.path())?;
+        }
+        viewer.send(store.take());
+        self.store = Some(store);
+        Ok(())
+    }
+
+    /// Keeps a frame, and the values of all signals in their order, until the next letter.
+    pub fn add(&mut self, frame: Frame, values: Vec<Vec<f64>>) {
+        if self.known.len() <= frame.step {
+            self.known.resize(frame.step + 1, vec![f32::NAN; frame.activation.len()]);
+        }
+        self.known[frame.step].clone_from(&frame.activation);
+        let take = &mut self.act.takes[0];
+        if values.len() == take.signals.len() {
+            self.signalled.push(frame.step);
+            for (signal, values) in take.signals.iter_mut().zip(values) {
+                signal.values.extend(values);
+            }
+        }
+        take.frames.push(frame);
+    }
+
+    /// Sends what was kept.
+    pub fn send(&mut self, viewer: &Viewer) -> Result<(), SceneError> {
+        let Some(store) = &mut self.store else { return Ok(()) };
+        let interval = self.act.interval;
+        let take = &mut self.act.takes[0];
+        let frames = std::mem::take(&mut take.frames);
+        if frames.is_empty() {
+            return Ok(());
+        }
+        let path = take.path();
+        stage::show(store, &path, &take.stage, &frames, interval)?;
+        for signal in &mut take.signals {
+            signal.show_at(store, &path, &self.signalled, interval)?;
+            signal.values.clear();
+        }
+        self.signalled.clear();
+        let muscles = take.stage.muscles.len();
+        let rows = self.known.iter().map(Vec::as_slice);
+        heat::show(store, &path, muscles, self.horizon, rows)?;
+        let steps: Vec<usize> = frames.iter().map(|frame| frame.step).collect();
+        heat::point(store, &path, muscles, self.horizon, &steps, interval)?;
+        viewer.send(store.take());
+        Ok(())
+    }
+}

@@ -1,0 +1,138 @@
+//! What one sees of a take: bodies, tendons, targets and contacts, below `TAKE/body`, `TAKE/tendons`, `TAKE/targets` and
+//! `TAKE/contacts`.
+//!
+//! Surfaces are said once; what changes from frame to frame are the poses. Many frames make one chunk per entity.
+
+use re_sdk::EntityPath;
+use re_sdk_types::archetypes::{LineStrips3D, Mesh3D, Points3D, Transform3D, ViewCoordinates};
+use re_sdk_types::components::{
+    Color, LineStrip3D, Position3D, Radius, RotationQuat, Translation3D,
+};
+use re_sdk_types::datatypes::Quaternion;
+
+use crate::units::Seconds;
+
+use super::store::{SceneError, Store};
+use super::{Frame, Solid, Stage, palette};
+
+/// A tendon that pulls as hard as it can is this much thicker than one that does not.
+const SWELLING: f32 = 3.5;
+/// A contact of this force is drawn with the radius of three threads, N.
+const FIRM_CONTACT: f32 = 10.0;
+
+/// Says what does not change.
+pub(super) fn set(store: &mut Store, take: &EntityPath, stage: &Stage) -> Result<(), SceneError> {
+    store.fixed(take.clone(), &ViewCoordinates::RIGHT_HAND_Z_UP())?;
+    for (place, body) in stage.bodies.iter().enumerate() {
+        let path = body_path(take, place, &body.name);
+        if !body.solid.is_empty() {
+            store.fixed(path.join(&"surface".into()), &mesh(&body.solid))?;
+        }
+        if !body.glass.is_empty() {
+            store.fixed(path.join(&"glass".into()), &mesh(&body.glass))?;
+        }
+    }
+    Ok(())
+}
+
+fn mesh(solid: &Solid) -> Mesh3D {
+    let colour = |[red, green, blue, opacity]: &[u8; 4]| {
+        Color::from_unmultiplied_rgba(*red, *green, *blue, *opacity)
+    };
+    Mesh3D::new(solid.vertices.iter().copied())
+        .with_vertex_normals(solid.normals.iter().copied())
+        .with_vertex_colors(solid.colours.iter().map(colour))
+        .with_triangle_indices(solid.triangles.iter().copied())
+}
+
+/// Bodies keep their number, because names need not be there.
+pub(super) fn body_path(take: &EntityPath, place: usize, name: &str) -> EntityPath {
+    let name = if name.is_empty() { format!("body_{place}") } else { name.to_owned() };
+    take.join(&EntityPath::from_single_string("body")).join(&EntityPath::from_single_string(name))
+}
+
+/// Says where everything is in `frames`.
+pub(super) fn show(
+    store: &mut Store,
+    take: &EntityPath,
+    stage: &Stage,
+    frames: &[Frame],
+    interval: Seconds,
+) -> Result<(), SceneError> {
+    let steps: Vec<usize> = frames.iter().map(|frame| frame.step).collect();
+    for (place, body) in stage.bodies.iter().enumerate() {
+        if body.solid.is_empty() && body.glass.is_empty() && stage.follow != Some(place) {
+            continue;
+        }
+        let poses = || frames.iter().map(|frame| frame.bodies[place]);
+        let transform = Transform3D::update_fields()
+            .with_many_translation(poses().map(|(position, _)| Translation3D::from(position)))
+            .with_many_quaternion(
+                poses().map(|(_, turn)| RotationQuat(Quaternion::from_xyzw(turn))),
+            );
+        let columns = transform.columns_of_unit_batches()?;
+        store.rows(body_path(take, place, &body.name), &steps, interval, columns)?;
+    }
+    store.rows(part(take, "tendons"), &steps, interval, tendons(stage, frames)?)?;
+    if !stage.marks.is_empty() {
+        store.rows(part(take, "targets"), &steps, interval, targets(stage, frames)?)?;
+    }
+    store.rows(part(take, "contacts"), &steps, interval, contacts(stage, frames)?)
+}
+
+fn part(take: &EntityPath, name: &str) -> EntityPath {
+    take.join(&EntityPath::from_single_string(name))
+}
+
+type Columns = std::vec::IntoIter<re_sdk::SerializedComponentColumn>;
+
+/// Every muscle's path: coloured by activation, thick by force.
+fn tendons(stage: &Stage, frames: &[Frame]) -> Result<Columns, SceneError> {
+    let muscles = frames.iter().flat_map(|frame| (0..frame.paths.len()).map(move |m| (frame, m)));
+    let radius = |(frame, muscle): (&Frame, usize)| {
+        let share = frame.force[muscle] / stage.strongest[muscle].max(f32::MIN_POSITIVE);
+        Radius::from(stage.thread * (1.0 + (SWELLING - 1.0) * share.clamp(0.0, 1.0)))
+    };
+    let colour = |(frame, muscle): (&Frame, usize)| {
+        let [red, green, blue] = palette::activation(frame.activation[muscle]);
+        Color::from_rgb(red, green, blue)
+    };
+    let strips = frames.iter().flat_map(|frame| &frame.paths);
+    let columns = LineStrips3D::update_fields()
+        .with_strips(strips.map(|path| LineStrip3D::from(path.iter().copied())))
+        .with_radii(muscles.clone().map(radius))
+        .with_colors(muscles.map(colour))
+        .columns(frames.iter().map(|frame| frame.paths.len()))?;
+    Ok(columns.collect::<Vec<_>>().into_iter())
+}
+
+/// The marks: in their own colours until the step counts as solved.
+fn targets(stage: &Stage, frames: &[Frame]) -> Result<Columns, SceneError> {
+    let count = stage.marks.len();
+    let marks = frames.iter().flat_map(|frame| stage.marks.iter().map(move |mark| (frame, mark)));
+    let colour = |(frame, mark): (&Frame, &super::Mark)| {
+        let [red, green, blue] = if frame.solved { palette::SOLVED } else { palette::OPEN };
+        Color::from_unmultiplied_rgba(red, green, blue, mark.colour[3].max(120))
+    };
+    let columns = Points3D::update_fields()
+        .with_positions(frames.iter().flat_map(|f| f.marks.iter().copied()).map(Position3D::from))
+        .with_radii(marks.clone().map(|(_, mark)| Radius::from(mark.radius)))
+        .with_colors(marks.map(colour))
+        .columns(frames.iter().map(|_| count))?;
+    Ok(columns.collect::<Vec<_>>().into_iter())
+}
+
+/// A point where two shapes touch, as large as they push.
+fn contacts(stage: &Stage, frames: &[Frame]) -> Result<Columns, SceneError> {
+    let all = || frames.iter().flat_map(|frame| frame.contacts.iter().copied());
+    let [red, green, blue] = palette::CONTACT;
+    let radius = |(_, force): ([f32; 3], f32)| {
+        Radius::from(stage.thread * (1.0 + 2.0 * (force / FIRM_CONTACT).clamp(0.0, 1.0)))
+    };
+    let columns = Points3D::update_fields()
+        .with_positions(all().map(|(position, _)| Position3D::from(position)))
+        .with_radii(all().map(radius))
+        .with_colors(all().map(|_| Color::from_rgb(red, green, blue)))
+        .columns(frames.iter().map(|frame| frame.contacts.len()))?;
+    Ok(columns.collect::<Vec<_>>().into_iter())
+}
