@@ -47,7 +47,7 @@ pub struct Seen {
 pub struct Audience {
     /// Taken away at the end, which tells the other thread to end.
     news: Mutex<Option<SyncSender<News>>>,
-    seats: Mutex<BTreeMap<Seat, Instant>>,
+    seats: Mutex<Seats>,
     counts: Arc<Counts>,
     thread: Mutex<Option<JoinHandle<Result<(), SceneError>>>>,
     finished: Mutex<Receiver<()>>,
@@ -59,6 +59,14 @@ struct Counts {
     shown: AtomicUsize,
     dropped: AtomicUsize,
     passed_over: AtomicUsize,
+}
+
+#[derive(Default)]
+struct Seats {
+    /// When each was last shown.
+    taken: BTreeMap<Seat, Instant>,
+    /// Episodes whose end found the channel full: nobody sits down before it is told, so that puppets do not pile up.
+    untold: Vec<Seat>,
 }
 
 /// Which episode of which list.
@@ -139,7 +147,8 @@ impl Watcher for Audience {
     fn begins(&self, job: usize, index: usize, spec: &EpisodeSpec, environment: &Environment) {
         let seat = (job, index);
         let mut seats = locked(&self.seats);
-        if seats.len() >= SEATS {
+        seats.untold.retain(|&seat| !self.send(News::Ends { seat }));
+        if seats.taken.len() + seats.untold.len() >= SEATS {
             return;
         }
         let title = Title {
@@ -149,7 +158,7 @@ impl Watcher for Audience {
         };
         let state = Box::new(Snapshot::of(environment.simulation()));
         if self.send(News::Begins { seat, title, state }) {
-            seats.insert(seat, Instant::now());
+            seats.taken.insert(seat, Instant::now());
             self.counts.episodes.fetch_add(1, Ordering::Relaxed);
         }
     }
@@ -157,14 +166,14 @@ impl Watcher for Audience {
     fn stepped(&self, job: usize, index: usize, environment: &Environment, stepped: &Stepped<'_>) {
         let seat = (job, index);
         let mut seats = locked(&self.seats);
-        let Some(last) = seats.get_mut(&seat) else { return };
+        let Some(last) = seats.taken.get_mut(&seat) else { return };
         let (now, ends) = (Instant::now(), stepped.outcome.ended());
         let due = ends || now.duration_since(*last) >= BETWEEN_FRAMES;
         if due {
             *last = now;
         }
         if ends {
-            seats.remove(&seat);
+            seats.taken.remove(&seat);
         }
         drop(seats);
         if !due {
@@ -183,8 +192,8 @@ impl Watcher for Audience {
         let taken = self.send(News::Frame { seat, moment });
         let count = if taken { &self.counts.shown } else { &self.counts.dropped };
         count.fetch_add(1, Ordering::Relaxed);
-        if ends {
-            self.send(News::Ends { seat });
+        if ends && !self.send(News::Ends { seat }) {
+            locked(&self.seats).untold.push(seat);
         }
     }
 }
