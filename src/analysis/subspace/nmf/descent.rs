@@ -19,9 +19,10 @@ use faer::{Accum, Mat, Par};
 
 use super::super::SubspaceError;
 use super::NmfOptions;
-use super::rows::{BLOCK, NonNegativeRows, new_block, used, used_mut};
+use super::dot_products::DotProducts;
+use super::rows::{BLOCK, NonNegativeRows};
 use super::start::double_svd;
-use super::sweep::{LANES, sweep};
+use super::sweep::{Coefficients, LANES, Target, sweep};
 
 /// Synergies and their time courses.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,12 +43,12 @@ impl Factorisation {
     /// W H, row-major time steps × muscles.
     #[must_use]
     pub fn rebuilt(&self) -> Vec<f64> {
-        product(&self.weights, &self.synergies, self.rank, self.muscles)
+        rebuilt(&self.weights, &self.synergies, self.rank, self.muscles)
     }
 }
 
 /// `weights` (row-major, `rank` columns) times `synergies` (row-major rank × `muscles`).
-pub(super) fn product(weights: &[f64], synergies: &[f64], rank: usize, muscles: usize) -> Vec<f64> {
+pub(super) fn rebuilt(weights: &[f64], synergies: &[f64], rank: usize, muscles: usize) -> Vec<f64> {
     let mut values = vec![0.0; weights.len() / rank * muscles];
     for (row, weights) in values.chunks_exact_mut(muscles).zip(weights.chunks_exact(rank)) {
         for (&weight, synergy) in weights.iter().zip(synergies.chunks_exact(muscles)) {
@@ -69,28 +70,32 @@ pub fn nonnegative_factorisation(
     let lanes = muscles.next_multiple_of(LANES);
     let (mut weights, mut synergies) = double_svd(data, rank, options.start, lanes);
 
-    let mut wanted = new_block(rank);
-    let mut synergy_gram = Mat::<f64>::zeros(rank, rank);
-    let mut weight_gram = Mat::<f64>::zeros(rank, rank);
-    let mut wanted_synergies = Mat::<f64>::zeros(lanes, rank);
+    let mut gram = Mat::<f64>::zeros(rank, rank);
+    let mut wanted = Mat::<f64>::zeros(lanes, rank);
+    let (mut curvature, mut negative) = (Coefficients::default(), Coefficients::default());
+    let mut with_values = DotProducts::new(muscles, rank);
+    let mut with_weights = DotProducts::new(rank, rank);
     let mut first_violation = 0.0;
     let (mut iterations, mut has_converged) = (0, false);
     while iterations < options.maximum_iterations && !has_converged {
         iterations += 1;
-        gram(&mut synergy_gram, &synergies, Accum::Replace);
-        weight_gram.fill(0.0);
-        wanted_synergies.fill(0.0);
+        gram_of(&mut gram, &synergies);
+        curvature.set(gram.as_ref(), 1.0);
+        negative.set(synergies.as_ref().subrows(0, muscles), -1.0);
+        with_values.clear();
+        with_weights.clear();
         let mut violation = 0.0;
-        for (values, weights) in data.blocks().zip(&mut weights) {
-            let fixed = synergies.as_ref().subrows(0, muscles);
-            matmul(used_mut(&mut wanted), Accum::Replace, values, fixed, 1.0, Par::Seq);
-            violation += sweep(synergy_gram.as_ref(), &wanted, weights, BLOCK);
-            let weights = used(weights);
-            matmul(weight_gram.as_mut(), Accum::Add, weights.transpose(), weights, 1.0, Par::Seq);
-            let sum = wanted_synergies.as_mut().subrows_mut(0, muscles);
-            matmul(sum, Accum::Add, values.transpose(), weights, 1.0, Par::Seq);
+        for (values, weights) in data.blocks().iter().zip(&mut weights) {
+            let target = Target::Product { values, negative: &negative };
+            violation += sweep((gram.as_ref(), &curvature), target, weights, BLOCK);
+            with_values.add(values, weights, BLOCK);
+            with_weights.add(weights, weights, BLOCK);
         }
-        violation += sweep(weight_gram.as_ref(), &wanted_synergies, &mut synergies, lanes);
+        with_values.fold_into(&mut wanted);
+        with_weights.fold_into(&mut gram);
+        curvature.set(gram.as_ref(), 1.0);
+        let known = Target::Known(&wanted);
+        violation += sweep((gram.as_ref(), &curvature), known, &mut synergies, lanes);
         if iterations == 1 {
             first_violation = violation;
         }
@@ -109,9 +114,9 @@ pub fn nonnegative_factorisation(
 }
 
 /// `FᵀF` of a factor with one component per column.
-pub(super) fn gram(into: &mut Mat<f64>, factor: &Mat<f64>, accumulate: Accum) {
+pub(super) fn gram_of(into: &mut Mat<f64>, factor: &Mat<f64>) {
     let factor = factor.as_ref();
-    matmul(into.as_mut(), accumulate, factor.transpose(), factor, 1.0, Par::Seq);
+    matmul(into.as_mut(), Accum::Replace, factor.transpose(), factor, 1.0, Par::Seq);
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@
 //! vectors. Fits of different ranks are independent of each other, in any order.
 
 mod descent;
+mod dot_products;
 mod exact_weights;
 mod rows;
 mod start;

@@ -8,13 +8,13 @@
 //! The singular values and right singular vectors come from the M × M Gram matrix `XᵀX`, once for all ranks. Its
 //! rounding hides singular values below 10⁻⁷ of the largest; those are taken as zero.
 
-use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, MatMut, MatRef, Par};
+use faer::{Mat, MatRef};
 
 use super::super::SubspaceError;
 use super::super::eigen::falling_eigenpairs;
+use super::dot_products::DotProducts;
 
-/// Time steps per block; a multiple of the 64 that the sweep handles at once.
+/// Time steps per block; a multiple of what the sweep handles at once.
 pub(super) const BLOCK: usize = 256;
 /// Values between the ends of two columns of a block.
 const GAP: usize = 8;
@@ -97,8 +97,8 @@ impl NonNegativeRows {
     }
 
     /// The values in blocks of time steps × muscles.
-    pub(super) fn blocks(&self) -> impl Iterator<Item = MatRef<'_, f64>> {
-        self.blocks.iter().map(used)
+    pub(super) fn blocks(&self) -> &[Mat<f64>] {
+        &self.blocks
     }
 
     /// Singular values, falling.
@@ -127,10 +127,11 @@ impl NonNegativeRows {
 
     /// The values of a factor as a row-major matrix with one time step per row.
     pub(super) fn row_major(&self, factor: &[Mat<f64>]) -> Vec<f64> {
-        let mut values = Vec::new();
+        let rank = factor.first().map_or(0, Mat::ncols);
+        let mut values = Vec::with_capacity(self.rows * rank);
         for (index, block) in factor.iter().enumerate() {
             for lane in 0..BLOCK.min(self.rows - index * BLOCK) {
-                values.extend((0..block.ncols()).map(|column| block[(lane, column)]));
+                values.extend((0..rank).map(|column| block[(lane, column)]));
             }
         }
         values
@@ -142,25 +143,15 @@ pub(super) fn new_block(columns: usize) -> Mat<f64> {
     Mat::zeros(BLOCK + GAP, columns)
 }
 
-/// The part of a block that holds time steps.
-pub(super) fn used(block: &Mat<f64>) -> MatRef<'_, f64> {
-    block.as_ref().subrows(0, BLOCK)
-}
-
-/// The same, to be written.
-pub(super) fn used_mut(block: &mut Mat<f64>) -> MatMut<'_, f64> {
-    block.as_mut().subrows_mut(0, BLOCK)
-}
-
 /// Singular values (falling) and right singular vectors of the blocks on top of each other.
 fn right_singular_vectors(
     blocks: &[Mat<f64>],
     muscles: usize,
 ) -> Result<(Vec<f64>, Mat<f64>), SubspaceError> {
+    let mut sums = DotProducts::new(muscles, muscles);
+    blocks.iter().for_each(|block| sums.add(block, block, BLOCK));
     let mut gram = Mat::<f64>::zeros(muscles, muscles);
-    for block in blocks.iter().map(used) {
-        matmul(gram.as_mut(), Accum::Add, block.transpose(), block, 1.0, Par::Seq);
-    }
+    sums.fold_into(&mut gram);
     if !gram.col_iter().all(|column| column.iter().all(|x| x.is_finite())) {
         return Err(SubspaceError::Overflow);
     }

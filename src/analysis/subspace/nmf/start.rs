@@ -11,13 +11,13 @@
 
 use std::f64::consts::TAU;
 
-use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, Par};
+use faer::Mat;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use super::NmfStart;
-use super::rows::{BLOCK, NonNegativeRows, used_mut};
+use super::rows::{BLOCK, NonNegativeRows};
+use super::sweep::{Coefficients, product};
 
 /// Entries below this become zero before zeros are filled.
 const SMALLEST: f64 = 1e-6;
@@ -31,10 +31,12 @@ pub(super) fn double_svd(
 ) -> (Vec<Mat<f64>>, Mat<f64>) {
     let muscles = data.muscle_count();
     let vectors = data.right_vectors().subcols(0, rank);
+    let mut coefficients = Coefficients::default();
+    coefficients.set(vectors, 1.0);
     let mut weights = data.new_factor(rank);
-    for (values, weights) in data.blocks().zip(&mut weights) {
+    for (values, weights) in data.blocks().iter().zip(&mut weights) {
         // X V holds the left singular vectors, each times its singular value.
-        matmul(used_mut(weights), Accum::Replace, values, vectors, 1.0, Par::Seq);
+        product(values, &coefficients, weights, BLOCK);
     }
     let mut synergies = Mat::<f64>::zeros(lanes, rank);
     for component in 0..rank {

@@ -8,14 +8,13 @@
 //! Degenerate: synergies that are all zero give zero weights. A row of zeros has zero weights.
 //! Oracle: `tests/analysis_parity.rs`, algorithm `nmf_transform`, by matrix and by row.
 
-use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, Par};
+use faer::Mat;
 
 use super::super::SubspaceError;
 use super::NmfOptions;
-use super::descent::{gram, product};
-use super::rows::{BLOCK, NonNegativeRows, used_mut};
-use super::sweep::sweep;
+use super::descent::{gram_of, rebuilt};
+use super::rows::{BLOCK, NonNegativeRows};
+use super::sweep::{Coefficients, Target, product, sweep};
 
 /// Weights of several time steps.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,11 +38,14 @@ pub fn synergy_weights(
     let rank = check_synergies(synergies, muscles)?;
     let fixed = Mat::from_fn(muscles, rank, |muscle, t| synergies[t * muscles + muscle]);
     let mut synergy_gram = Mat::<f64>::zeros(rank, rank);
-    gram(&mut synergy_gram, &fixed, Accum::Replace);
+    gram_of(&mut synergy_gram, &fixed);
+    let (mut curvature, mut coefficients) = (Coefficients::default(), Coefficients::default());
+    curvature.set(synergy_gram.as_ref(), 1.0);
+    coefficients.set(fixed.as_ref(), 1.0);
 
     let mut wanted = data.new_factor(rank);
-    for (values, wanted) in data.blocks().zip(&mut wanted) {
-        matmul(used_mut(wanted), Accum::Replace, values, fixed.as_ref(), 1.0, Par::Seq);
+    for (values, wanted) in data.blocks().iter().zip(&mut wanted) {
+        product(values, &coefficients, wanted, BLOCK);
     }
     let mut weights = data.new_factor(rank);
     let mut first_violation = 0.0;
@@ -52,7 +54,8 @@ pub fn synergy_weights(
         iterations += 1;
         let mut violation = 0.0;
         for (wanted, weights) in wanted.iter().zip(&mut weights) {
-            violation += sweep(synergy_gram.as_ref(), wanted, weights, BLOCK);
+            let target = Target::Known(wanted);
+            violation += sweep((synergy_gram.as_ref(), &curvature), target, weights, BLOCK);
         }
         if iterations == 1 {
             first_violation = violation;
@@ -60,7 +63,7 @@ pub fn synergy_weights(
         has_converged = violation <= options.tolerance * first_violation;
     }
     let weights = data.row_major(&weights);
-    let rebuilt = product(&weights, synergies, rank, muscles);
+    let rebuilt = rebuilt(&weights, synergies, rank, muscles);
     Ok(SynergyWeights { weights, rebuilt, iterations, has_converged })
 }
 
