@@ -99,7 +99,6 @@ fn a_recorded_episode_becomes_a_scene_with_body_tendons_and_signals() {
         assert!(frames > 10, "{rows:?}");
         // Frame 0 is the start; a signal has one row per step. The line of a map is there at every frame.
         assert_eq!(of("contacts"), frames);
-        assert_eq!(of("targets"), frames);
         assert_eq!(of("muscles_by_time/now"), frames);
         assert_eq!(of("muscles_by_time"), 1);
         for signal in ["activation", "action_mean", "action", "joint", "reward_component", "solved"]
@@ -107,6 +106,10 @@ fn a_recorded_episode_becomes_a_scene_with_body_tendons_and_signals() {
             // What the lines are called stands in a row of its own.
             assert_eq!(of(&format!("signals/{signal}")), frames, "{signal}");
         }
+        // The pose to be reached stands beside the body.
+        let ghost = rows.keys().filter(|path| path.starts_with(&format!("/{take}/ghost/")));
+        assert!(ghost.count() > 0, "{rows:?}");
+        assert_eq!(of("muscles_by_time/names"), 1);
         let bodies: Vec<&String> =
             rows.keys().filter(|path| path.starts_with(&format!("/{take}/body/"))).collect();
         assert!(bodies.iter().any(|path| path.ends_with("/surface")), "{bodies:?}");

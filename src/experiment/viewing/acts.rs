@@ -1,7 +1,7 @@
 //! An act of what was recorded: one episode by one or several policies, or in several numbers of components.
 
 use crate::record::Recording;
-use crate::record::scene::{Act, Take};
+use crate::record::scene::{Act, Take, rows_in_words};
 use crate::sim::bodies::Bodies;
 
 use super::replay::{Means, ReplayError, replay};
@@ -32,10 +32,11 @@ pub fn add_take(
         Means::Posed => "posed by its recorded joints; objects and targets do not move",
     };
     act.interval = recording.about.control_interval.unwrap_or(act.interval);
+    act.horizon = act.horizon.max(recording.about.horizon.unwrap_or(0));
     let steps = episode.facts.length.to_string();
     let policy = recording.about.policy.as_str();
     act.notes.extend(["\n## ", label, "\n\n* policy: ", policy, "\n* ", &steps, " steps, ", how]);
-    act.notes.extend(["\n* ", origin, "\n"]);
+    act.notes.extend(["\n* ", origin, "\n* ", &rows_in_words(&stage.muscles), "\n"]);
     let signals = signals(recording, episode);
     act.takes.push(Take { label: label.to_owned(), stage, frames, signals });
     Ok(())
