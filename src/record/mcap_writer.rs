@@ -279,7 +279,7 @@ impl<W: Write> Writer<W> {
                 let (_, done) = &packers[place % packers.len()];
                 writer.chunk(done.recv().map_err(|_| gone())??)
             };
-            let mut sent = 0;
+            let mut sent = 0_usize;
             make(&mut |chunk| {
                 // Everyone has one at hand and one waiting.
                 if let Some(place) = sent.checked_sub(2 * packers.len()) {

@@ -16,11 +16,19 @@ const SKIN_GROUP: i32 = 1;
 /// What reaches further from its centre than this stands around, m.
 const ROOM: f32 = 1.2;
 /// What is less opaque is glass.
-const OPAQUE: f32 = 0.95;
+const OPAQUE: u8 = 242;
+/// The body that shows where an object belongs: in a box, or in the pose of another pen or die.
+const GOAL: &str = "target";
+/// One sees through it what is inside.
+const SEE_THROUGH: u8 = 100;
 /// A box with a longer half edge than this is furniture, m.
 const FURNITURE: f64 = 0.08;
 /// The colour of furniture, which mostly has only a texture, and would outshine the bones.
 const WOOD: [u8; 4] = [112, 104, 96, 255];
+/// A body of this name is a table.
+const TABLE: &str = "table";
+/// By how much a goal is seen beside whoever walks to it, rad.
+const BESIDE: f32 = 0.5;
 /// What is further than this from the middle of the body belongs to one side of it, m.
 const AT_ONE_SIDE: f32 = 0.05;
 /// Thickness of a tendon at rest over the size of what all tendons span.
@@ -140,12 +148,15 @@ fn bodies(looks: &Appearance, body: &Simulation) -> Vec<StageBody> {
     let mut bodies: Vec<StageBody> =
         names.into_iter().map(|name| StageBody { name, ..StageBody::default() }).collect();
     for shape in looks.shapes.iter().filter(|shape| is_visible(shape, looks)) {
+        let stage_body = &mut bodies[shape.body];
         let is_furniture =
             shape.kind == ShapeKind::Box && shape.size.iter().any(|x| *x > FURNITURE);
         let own = shape.colour.map(|part| (part.clamp(0.0, 1.0) * 255.0).round() as u8);
-        let colour = if is_furniture { WOOD } else { own };
-        let stage_body = &mut bodies[shape.body];
-        let opaque = shape.colour[3] >= OPAQUE;
+        let mut colour = if is_furniture { WOOD } else { own };
+        if stage_body.name == GOAL {
+            colour[3] = colour[3].min(SEE_THROUGH);
+        }
+        let opaque = colour[3] >= OPAQUE;
         let solid = if opaque { &mut stage_body.solid } else { &mut stage_body.glass };
         add(solid, shape, looks, colour);
     }
@@ -217,7 +228,11 @@ fn strongest(body: &Simulation) -> Vec<f32> {
 fn set_eye(stage: &mut Stage, start: &Frame, moves: &[bool], body: &Simulation) {
     let (mut seen, mut tendons) = (Span::default(), Span::default());
     start.paths.iter().flatten().for_each(|&point| tendons.take(point));
-    start.targets.iter().for_each(|&target| seen.take(target));
+    start.paths.iter().flatten().for_each(|&point| seen.take(point));
+    // Whoever walks is seen large, and the goal behind.
+    if !stage.floor {
+        start.targets.iter().for_each(|&target| seen.take(target));
+    }
     let moving = stage.bodies.iter().zip(&start.bodies).zip(moves).filter(|(_, moves)| **moves);
     for ((body, &pose), _) in moving {
         body.solid.vertices.iter().for_each(|&vertex| seen.take(placed(vertex, pose)));
@@ -228,10 +243,27 @@ fn set_eye(stage: &mut Stage, start: &Frame, moves: &[bool], body: &Simulation) 
     stage.thread = THREAD * tendons.size();
     let (centre, size) = (seen.centre(), seen.size());
     let side = if centre[0] < -AT_ONE_SIDE { -1.0 } else { 1.0 };
+    let (away, height) = match start.targets.first() {
+        Some(&goal) if stage.floor => (turned_from(centre, goal), 0.4),
+        // What is to be reached on a table is seen from above.
+        Some(_) if stage.bodies.iter().any(|body| body.name == TABLE) => {
+            ([0.5 * side, -0.55], 0.85)
+        }
+        _ => ([0.75 * side, -0.75], 0.4),
+    };
     stage.look_at = centre;
-    stage.eye = [centre[0] + 0.75 * side * size, centre[1] - 0.75 * size, centre[2] + 0.4 * size];
+    stage.eye = [centre[0] + away[0] * size, centre[1] + away[1] * size, centre[2] + height * size];
     let names = body.names_of(Names::Body);
     stage.follow = names.iter().position(|name| name == "pelvis");
+}
+
+/// A direction in the plane from which one sees `goal` behind `centre`, and beside it.
+fn turned_from(centre: [f32; 3], goal: [f32; 3]) -> [f32; 2] {
+    let towards = [goal[0] - centre[0], goal[1] - centre[1]];
+    let length = towards[0].hypot(towards[1]).max(f32::MIN_POSITIVE);
+    let [x, y] = towards.map(|x| -1.1 * x / length);
+    let (sine, cosine) = BESIDE.sin_cos();
+    [cosine * x - sine * y, sine * x + cosine * y]
 }
 
 /// A vertex of a body in the world.

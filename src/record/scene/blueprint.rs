@@ -13,15 +13,15 @@ use re_sdk_types::blueprint::archetypes::{
 use re_sdk_types::blueprint::components::{
     BackgroundKind, ColumnShare, ContainerKind, Corner2D, Eye3DKind, IncludedContent, LinkAxis,
     LoopMode, PanelState, PlayState, PlaybackSpeed, QueryExpression, RootContainer, RowShare,
-    TimelineName, ViewClass,
+    TimeRange, TimelineName, ViewClass,
 };
 use re_sdk_types::components::{Color, Name, Position3D, Range1D, Visible};
-use re_sdk_types::datatypes::{self, Bool, Float32, Float64, Uuid};
+use re_sdk_types::datatypes::{self, Bool, Float32, Float64, TimeInt, TimeRangeBoundary, Uuid};
 
 use super::script::{Act, Take};
 use super::signals::{Scale, Signal};
 use super::store::{SceneError, Store, TIME, blueprint_time};
-use super::{heat, stage};
+use super::{heat, seconds, stage};
 
 /// Plots with more lines than this have no legend: it would hide them. One line needs none.
 const LEGENDS: std::ops::RangeInclusive<usize> = 2..=4;
@@ -51,6 +51,14 @@ pub(super) fn messages(act: &Act) -> Result<Vec<LogMsg>, SceneError> {
     let (contents, shares): (Vec<Part>, Vec<f32>) = columns.into_iter().unzip();
     let root = plan.container(ContainerKind::Horizontal, &act.task, &contents, &shares)?;
     plan.finish(&root)
+}
+
+/// The time from the start of an episode to where it is cut off at the latest: what is known before steps begins and ends
+/// a step earlier than what is known after them, and would stand askew above it.
+fn episode(act: &Act) -> TimeRange {
+    let end = (seconds(act.length() - 1, act.interval) * 1e9).round() as i64;
+    let at = |time| TimeRangeBoundary::Absolute(TimeInt(time));
+    TimeRange(datatypes::TimeRange { start: at(0), end: at(end) })
 }
 
 /// A view or a container.
@@ -139,7 +147,7 @@ impl Plan {
         let grid = LineGrid3D::new()
             .with_visible(Visible(Bool(take.stage.floor)))
             .with_spacing(FLOOR_SPACING)
-            .with_color(Color::from_unmultiplied_rgba(160, 160, 170, 60));
+            .with_color(Color::from_unmultiplied_rgba(160, 160, 170, 40));
         self.view(
             "3D",
             &take.label,
@@ -159,18 +167,23 @@ impl Plan {
         self.view("2D", &heat::title(muscles), &path, &[("VisualBounds2D", &bounds)])
     }
 
-    /// One quantity over time. All plots show the same time.
-    fn plot(&mut self, title: &str, take: &Take, signal: &Signal) -> Result<Part, SceneError> {
+    /// One quantity over the `time` that all plots show.
+    fn plot(
+        &mut self,
+        title: &str,
+        take: &Take,
+        signal: &Signal,
+        time: &TimeAxis,
+    ) -> Result<Part, SceneError> {
         let legend = PlotLegend::new()
             .with_visible(Visible(Bool(LEGENDS.contains(&signal.elements.len()))))
             .with_corner(Corner2D::RightTop);
-        let time = TimeAxis::new().with_link(LinkAxis::LinkToGlobal);
         let axis = match signal.scale.range() {
             Some(range) => ScalarAxis::new().with_range(Range1D(datatypes::Range1D(range))),
             None => ScalarAxis::new(),
         };
         let properties: [(&str, &dyn AsComponents); 3] =
-            [("PlotLegend", &legend), ("TimeAxis", &time), ("ScalarAxis", &axis)];
+            [("PlotLegend", &legend), ("TimeAxis", time), ("ScalarAxis", &axis)];
         self.view("TimeSeries", title, &signal.path(&take.path()), &properties)
     }
 
@@ -182,6 +195,7 @@ impl Plan {
                 quantities.push((&signal.name, signal.scale));
             }
         }
+        let time = TimeAxis::new().with_link(LinkAxis::LinkToGlobal).with_view_range(episode(act));
         let (mut plots, mut shares) = (Vec::new(), Vec::new());
         for (name, scale) in quantities {
             shares.push(if scale == Scale::Flag { FLAG_HEIGHT } else { 1.0 });
@@ -194,7 +208,7 @@ impl Plan {
                     1 => signal.title.clone(),
                     _ => format!("{}: {}", take.label, signal.title),
                 };
-                row.push(self.plot(&title, take, signal)?);
+                row.push(self.plot(&title, take, signal, &time)?);
             }
             plots.push(match row.len() {
                 1 => row.remove(0),

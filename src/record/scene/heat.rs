@@ -17,7 +17,7 @@ use super::store::{SceneError, Store};
 const SHAPE: usize = 4;
 
 /// Names that can be read below each other.
-const NAMES: usize = 9;
+const NAMES: usize = 11;
 /// The margin for names, as a share of the map's width.
 const MARGIN: f32 = 0.16;
 /// Half of the line that stands at the step, in points of the screen.
@@ -72,10 +72,12 @@ pub(super) fn name_rows(
 ) -> Result<(), SceneError> {
     let (high, wide) = pixels(muscles.len(), steps);
     let x = -0.5 * MARGIN * (wide * steps.max(1)) as f32;
+    let [red, green, blue] = palette::NAME;
     let named = || muscles.iter().enumerate().step_by(stride(muscles.len()));
     let points = Points2D::new(named().map(|(row, _)| [x, (row as f32 + 0.5) * high as f32]))
         .with_labels(named().map(|(_, name)| Text::from(name.as_str())))
         .with_show_labels(ShowLabels::from(true))
+        .with_colors(named().map(|_| Color::from_rgb(red, green, blue)))
         .with_radii([Radius::new_ui_points(0.0)]);
     store.fixed(path(take).join(&EntityPath::from_single_string("names")), &points)
 }

@@ -14,6 +14,8 @@ pub(super) const OPEN: [u8; 3] = [235, 80, 200];
 pub(super) const SOLVED: [u8; 3] = [60, 200, 90];
 /// Where shapes touch.
 pub(super) const CONTACT: [u8; 3] = [255, 235, 120];
+/// What something is called.
+pub(super) const NAME: [u8; 3] = [200, 200, 200];
 /// Now.
 pub(super) const CURSOR: [u8; 3] = [255, 255, 255];
 
