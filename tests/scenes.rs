@@ -152,6 +152,26 @@ fn the_same_recording_gives_the_same_messages_from_every_format_and_two_stand_si
 }
 
 #[test]
+fn a_run_that_was_finished_before_is_shown_all_the_same() {
+    let bench = Bench::new();
+    for scene in ["first.rrd", "again.rrd"] {
+        let words = [&ROLLOUT[..], &["--quiet", "--save", scene]].concat();
+        assert_eq!(bench.run(&words).code, 0);
+    }
+    assert_eq!(messages(&bench.path("first.rrd")), messages(&bench.path("again.rrd")));
+    let csi = ["csi", "--task", "elbow_pose", "--episodes", "2", "--components", "1", "--no-pooled"];
+    assert_eq!(bench.run(&csi).code, 0);
+    let again = bench.run(&[&csi[..], &["--save", "csi.rrd"]].concat());
+    assert_eq!(again.code, 0, "{}", again.stderr);
+    assert!(again.stderr.contains("are played again: 2 of each task"), "{}", again.stderr);
+    let (recordings, _) = contents(&bench.path("csi.rrd"));
+    assert_eq!(recordings.len(), 2);
+    for rows in recordings.values() {
+        assert!(rows.keys().any(|path| path.ends_with("/tendons")), "{rows:?}");
+    }
+}
+
+#[test]
 fn what_cannot_be_shown_says_why() {
     let bench = Bench::new();
     let out = [&ROLLOUT[..], &["--json", "--out", "runs"]].concat();

@@ -3,6 +3,7 @@
 use crate::record::Recording;
 use crate::record::scene::{Act, Take, rows_in_words};
 use crate::sim::bodies::Bodies;
+use crate::sim::tasks;
 
 use super::replay::{Means, ReplayError, replay};
 use super::signals::signals;
@@ -11,7 +12,9 @@ use super::signals::signals;
 #[must_use]
 pub fn act(task: &str, number: u64) -> Act {
     let notes = format!("# {task}, episode {number}\n");
-    Act { task: task.to_owned(), episode: number, interval: 1.0, notes, ..Act::default() }
+    // What a file says of it may be anything.
+    let horizon = tasks::every().find(|known| known.name == task).map_or(0, |known| known.horizon);
+    Act { task: task.to_owned(), episode: number, interval: 1.0, horizon, notes, ..Act::default() }
 }
 
 /// Adds the take `label` from a recording, if that has the episode. `origin` says where it comes from.
@@ -32,7 +35,6 @@ pub fn add_take(
         Means::Posed => "posed by its recorded joints; objects and targets do not move",
     };
     act.interval = recording.about.control_interval.unwrap_or(act.interval);
-    act.horizon = act.horizon.max(recording.about.horizon.unwrap_or(0));
     let steps = episode.facts.length.to_string();
     let policy = recording.about.policy.as_str();
     act.notes.extend(["\n## ", label, "\n\n* policy: ", policy, "\n* ", &steps, " steps, ", how]);

@@ -47,7 +47,7 @@ pub(super) fn messages(act: &Act) -> Result<Vec<LogMsg>, SceneError> {
         columns.push((column, 2.0));
     }
     let signals = plan.signals(act)?;
-    columns.push((signals, if act.takes.len() == 1 { 1.6 } else { 1.4 }));
+    columns.push((signals, if act.takes.len() == 1 { 1.6 } else { 2.6 }));
     let (contents, shares): (Vec<Part>, Vec<f32>) = columns.into_iter().unzip();
     let root = plan.container(ContainerKind::Horizontal, &act.task, &contents, &shares)?;
     plan.finish(&root)
@@ -206,7 +206,7 @@ impl Plan {
                 };
                 let title = match act.takes.len() {
                     1 => signal.title.clone(),
-                    _ => format!("{}: {}", take.label, signal.title),
+                    _ => format!("{}, {}", signal.title, take.label),
                 };
                 row.push(self.plot(&title, take, signal, &time)?);
             }

@@ -43,11 +43,11 @@ fn stride(muscles: usize) -> usize {
 pub(super) fn title(muscles: usize) -> String {
     let named = match stride(muscles) {
         1 => String::new(),
-        2 => " (every second is named, all in the notes)".to_owned(),
-        3 => " (every third is named, all in the notes)".to_owned(),
-        stride => format!(" (every {stride}th is named, all in the notes)"),
+        2 => ", every second named".to_owned(),
+        3 => ", every third named".to_owned(),
+        stride => format!(", every {stride}th named"),
     };
-    format!("Activation of {muscles} muscles over time{named}")
+    format!("Activation of {muscles} muscles{named}")
 }
 
 /// The rows of the map, for the notes.
