@@ -159,7 +159,8 @@ fn a_run_that_was_finished_before_is_shown_all_the_same() {
         assert_eq!(bench.run(&words).code, 0);
     }
     assert_eq!(messages(&bench.path("first.rrd")), messages(&bench.path("again.rrd")));
-    let csi = ["csi", "--task", "elbow_pose", "--episodes", "2", "--components", "1", "--no-pooled"];
+    let csi =
+        ["csi", "--task", "elbow_pose", "--episodes", "2", "--components", "1", "--no-pooled"];
     assert_eq!(bench.run(&csi).code, 0);
     let again = bench.run(&[&csi[..], &["--save", "csi.rrd"]].concat());
     assert_eq!(again.code, 0, "{}", again.stderr);

@@ -199,6 +199,7 @@ impl Recorder {
 }
 
 /// What the columns of recordings of `environment`'s task mean.
+#[must_use]
 pub fn names_of(environment: &Environment) -> ChannelNames {
     let simulation = environment.simulation();
     let names = simulation.names_of(Names::Joint);

@@ -55,7 +55,7 @@ impl Stagehand {
             let ended = match news.recv_timeout(BETWEEN_LETTERS) {
                 Ok(News::Begins { seat, title }) => {
                     // A body that cannot be made cannot play either, which the other side says.
-                    if let Ok(show) = self.begin(*title)? {
+                    if let Ok(show) = self.begin(&title)? {
                         self.shows.insert(seat, show);
                     }
                     false
@@ -89,7 +89,7 @@ impl Stagehand {
         }
     }
 
-    fn begin(&mut self, title: Title) -> Result<Result<Show, EngineError>, SceneError> {
+    fn begin(&mut self, title: &Title) -> Result<Result<Show, EngineError>, SceneError> {
         let task = title.task;
         let puppet = self.bodies.body(task.source, task.model).and_then(|body| {
             let mut puppet = Puppet::new(&body)?;

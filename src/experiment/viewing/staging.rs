@@ -288,9 +288,9 @@ impl Default for Span {
 
 impl Span {
     fn take(&mut self, point: [f32; 3]) {
-        for axis in 0..3 {
-            self.low[axis] = self.low[axis].min(point[axis]);
-            self.high[axis] = self.high[axis].max(point[axis]);
+        for ((low, high), x) in self.low.iter_mut().zip(&mut self.high).zip(point) {
+            *low = low.min(x);
+            *high = high.max(x);
         }
     }
 
