@@ -8,5 +8,6 @@ scene=${1:?which scene?}
 picture=${2:?which picture?}
 size=${3:-1920x1200}
 "${RERUN:-rerun}" rrd verify "$scene"
-"${RERUN:-rerun}" "$scene" --headless --screenshot-to "$picture" --window-size "$size" --port auto --bind 127.0.0.1
+# What the viewer has to say would stand in front of the plots.
+RUST_LOG=error "${RERUN:-rerun}" "$scene" --headless --screenshot-to "$picture" --window-size "$size" --port auto --bind 127.0.0.1
 test -s "$picture"

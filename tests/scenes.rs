@@ -99,7 +99,6 @@ fn a_recorded_episode_becomes_a_scene_with_body_tendons_and_signals() {
         assert!(frames > 10, "{rows:?}");
         // Frame 0 is the start; a signal has one row per step. The line of a map is there at every frame.
         assert_eq!(of("contacts"), frames);
-        assert_eq!(of("targets"), frames);
         assert_eq!(of("muscles_by_time/now"), frames);
         assert_eq!(of("muscles_by_time"), 1);
         for signal in ["activation", "action_mean", "action", "joint", "reward_component", "solved"]
@@ -107,6 +106,10 @@ fn a_recorded_episode_becomes_a_scene_with_body_tendons_and_signals() {
             // What the lines are called stands in a row of its own.
             assert_eq!(of(&format!("signals/{signal}")), frames, "{signal}");
         }
+        // The pose to be reached stands beside the body.
+        let ghost = rows.keys().filter(|path| path.starts_with(&format!("/{take}/ghost/")));
+        assert!(ghost.count() > 0, "{rows:?}");
+        assert_eq!(of("muscles_by_time/names"), 1);
         let bodies: Vec<&String> =
             rows.keys().filter(|path| path.starts_with(&format!("/{take}/body/"))).collect();
         assert!(bodies.iter().any(|path| path.ends_with("/surface")), "{bodies:?}");
@@ -146,6 +149,27 @@ fn the_same_recording_gives_the_same_messages_from_every_format_and_two_stand_si
     assert_eq!(recordings.len(), 1);
     assert_eq!(rows["/first/tendons"], rows["/second/tendons"]);
     verify(&bench.path("both.rrd"));
+}
+
+#[test]
+fn a_run_that_was_finished_before_is_shown_all_the_same() {
+    let bench = Bench::new();
+    for scene in ["first.rrd", "again.rrd"] {
+        let words = [&ROLLOUT[..], &["--quiet", "--save", scene]].concat();
+        assert_eq!(bench.run(&words).code, 0);
+    }
+    assert_eq!(messages(&bench.path("first.rrd")), messages(&bench.path("again.rrd")));
+    let csi =
+        ["csi", "--task", "elbow_pose", "--episodes", "2", "--components", "1", "--no-pooled"];
+    assert_eq!(bench.run(&csi).code, 0);
+    let again = bench.run(&[&csi[..], &["--save", "csi.rrd"]].concat());
+    assert_eq!(again.code, 0, "{}", again.stderr);
+    assert!(again.stderr.contains("are played again: 2 of each task"), "{}", again.stderr);
+    let (recordings, _) = contents(&bench.path("csi.rrd"));
+    assert_eq!(recordings.len(), 2);
+    for rows in recordings.values() {
+        assert!(rows.keys().any(|path| path.ends_with("/tendons")), "{rows:?}");
+    }
 }
 
 #[test]

@@ -6,10 +6,12 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use crate::experiment::gather::Played;
-use crate::experiment::recording;
 use crate::experiment::viewing::acts;
 use crate::experiment::viewing::watching::{Audience, Seen};
+use crate::experiment::{recording, seed};
+use crate::record::Recording;
 use crate::record::scene::{Act, Connection, SceneError, Viewer, write_scene};
+use crate::sim::rollout::{self, Channels, EpisodeSpec, RolloutPlan};
 
 use super::context::Context;
 use super::laboratory::Laboratory;
@@ -56,13 +58,11 @@ impl WatchArguments {
         Ok(())
     }
 
-    /// Says that there is nothing to watch in a run that was finished before.
-    pub fn warn_of_nothing_played(&self, context: &Context) {
-        if self.view || self.viewer.connect.is_some() || self.viewer.save.is_some() {
-            context.say(
-                "warning: nothing is played, so there is nothing to watch and no scene to save",
-            );
-        }
+    /// Where something is to be seen at all: for what was recorded or finished before.
+    #[must_use]
+    pub fn anywhere(&self) -> Option<&ViewerArguments> {
+        let seen = self.view || self.viewer.connect.is_some() || self.viewer.save.is_some();
+        seen.then_some(&self.viewer)
     }
 
     /// Where a scene is to be written.
@@ -97,6 +97,39 @@ pub fn save_played(
         episodes.truncate(EPISODES);
         recordings.push(recording::recording(laboratory.source(task), &names, episodes));
     }
+    show_recordings(context, laboratory, &recordings, viewer)
+}
+
+/// Shows the first episodes of every task of a run that was finished before and kept no steps. An episode depends on nothing
+/// but its seeds, so playing it once more gives the one that was played.
+pub fn play_again(
+    context: &Context,
+    laboratory: &Laboratory,
+    viewer: &ViewerArguments,
+) -> anyhow::Result<()> {
+    let episodes = EPISODES.min(laboratory.episodes);
+    context.say(&format!(
+        "No steps were kept, so the first of its free episodes are played again: {episodes} of each task"
+    ));
+    let mut recordings = Vec::new();
+    for &task in &laboratory.tasks {
+        let spec = |number| seed::episode(laboratory.seed, task.name, number, None);
+        let specs: Vec<EpisodeSpec> = (0..episodes).map(spec).collect();
+        let plan = RolloutPlan { channels: Channels::All, ..laboratory.plan(task) };
+        let episodes = rollout::play(&laboratory.machine, &plan, &specs, &|_| ())?;
+        let names = rollout::channel_names(&laboratory.machine, task)?;
+        recordings.push(recording::recording(laboratory.source(task), &names, episodes));
+    }
+    show_recordings(context, laboratory, &recordings, viewer)
+}
+
+/// Shows all episodes of what this laboratory played.
+fn show_recordings(
+    context: &Context,
+    laboratory: &Laboratory,
+    recordings: &[Recording],
+    viewer: &ViewerArguments,
+) -> anyhow::Result<()> {
     let origin = format!("MuJoCo {}", laboratory.physics);
     let acts = recordings.iter().flat_map(|recording| {
         let (origin, bodies) = (&origin, &laboratory.machine.bodies);

@@ -5,8 +5,8 @@
 //! Numbers are written in the shortest form that reads back as the same bits.
 //!
 //! Log time starts at 0 and runs through the episodes one after the other, with one control interval between them; a value
-//! taken after a step carries the time at the end of the step. Chunks are compressed with zstd on one thread and carry
-//! checksums, the index lies at the end, so the same recording gives the same bytes.
+//! taken after a step carries the time at the end of the step. Chunks are compressed with zstd and carry checksums, the index
+//! lies at the end, and the same recording gives the same bytes (see `mcap_writer`).
 //!
 //! Two metadata records stand before the messages: `recording` holds the [`Header`], `metadata` the caller's own pairs. A
 //! file without the first is no recording of ours. Reading never trusts a length: no record may be longer than
@@ -17,15 +17,15 @@ use std::io::{self, BufWriter, Read, Write};
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-use mcap::records::{ChunkHeader, MessageHeader, Metadata, Record};
+use mcap::McapError;
+use mcap::records::{ChunkHeader, Metadata, Record};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
-use mcap::{Compression, McapError, WriteOptions, Writer};
 use serde_json::json;
 
 use super::header::Header;
 use super::mcap_chunk::{self, ChunkError};
 use super::mcap_message::{self, Message};
-use super::mcap_summary;
+use super::mcap_writer::{Chunk, Writer};
 use super::recording::{About, Channel, Recording, Timing};
 use super::{Place, RecordError};
 use crate::files;
@@ -34,10 +34,6 @@ use crate::files;
 const HEADER: &str = "recording";
 /// Name of the metadata record of the caller's own pairs.
 const METADATA: &str = "metadata";
-/// Strength of zstd: digits pack little better with more, and take longer.
-const LEVEL: u32 = 1;
-/// Unpacked size of a chunk.
-const CHUNK: u64 = 1 << 20;
 /// No record may be longer than this, packed or unpacked. A header of 100,000 episodes has about 25 MB.
 pub(super) const LONGEST_RECORD: usize = 1 << 26;
 /// Steps of an episode for which memory is taken at once.
@@ -51,61 +47,48 @@ pub(super) fn write(path: &Path, recording: &Recording, place: Place) -> Result<
     recording.check()?;
     mcap_message::check_finite(recording)?;
     place.write(path, |file| {
-        let mut buffer = BufWriter::with_capacity(1 << 20, &mut *file);
-        fill(&mut buffer, recording).map_err(io::Error::other)?;
-        buffer.flush()?;
-        drop(buffer);
-        mcap_summary::sort(file)
+        let mut buffer = BufWriter::with_capacity(1 << 20, file);
+        fill(&mut buffer, recording)?;
+        buffer.flush()
     })
 }
 
-fn fill(out: &mut (impl Write + io::Seek), recording: &Recording) -> Result<(), McapError> {
-    let mut writer: Writer<_> = WriteOptions::new()
-        .library(concat!("arnold-analyze ", env!("CARGO_PKG_VERSION")))
-        .compression(Some(Compression::Zstd))
-        .compression_level(LEVEL)
-        .compression_threads(0)
-        .chunk_size(Some(CHUNK))
-        .create(out)?;
+fn fill(out: impl Write, recording: &Recording) -> io::Result<()> {
+    let mut writer = Writer::new(out, concat!("arnold-analyze ", env!("CARGO_PKG_VERSION")))?;
     let mut header = Header::of(recording);
     let pairs = std::mem::take(&mut header.about.metadata);
     let document = BTreeMap::from([(HEADER.to_owned(), header.to_json())]);
-    writer.write_metadata(&Metadata { name: HEADER.to_owned(), metadata: document })?;
-    writer.write_metadata(&Metadata { name: METADATA.to_owned(), metadata: pairs })?;
-    let mut channels = Vec::with_capacity(recording.channels.len());
-    for channel in &recording.channels {
-        let schema = writer.add_schema(&channel.name, "jsonschema", schema(channel).as_bytes())?;
-        let metadata = channel.timing.map(|timing| ("timing".to_owned(), timing.word().to_owned()));
-        let topic = format!("/{}", channel.name);
-        let id = writer.add_channel(schema, &topic, "json", &metadata.into_iter().collect())?;
-        channels.push((id, Message::new(channel)));
+    writer.metadata(HEADER, &document)?;
+    writer.metadata(METADATA, &pairs)?;
+    // Values taken before the step come first, so that time never runs back within a step.
+    let (mut before, mut after) = (Vec::new(), Vec::new());
+    for (place, channel) in recording.channels.iter().enumerate() {
+        let pairs = channel.timing.map(|timing| ("timing".to_owned(), timing.word().to_owned()));
+        let id = writer.channel(&channel.name, &schema(channel), &pairs.into_iter().collect())?;
+        let list = if channel.timing == Some(Timing::AfterStep) { &mut after } else { &mut before };
+        list.push((id, place, Message::new(channel)));
     }
     let time = clock(&recording.about);
-    let (mut start, mut text) = (0_u64, Vec::new());
-    for episode in &recording.episodes {
-        for step in 0..episode.facts.length {
-            // Values taken before the step come first, so that time never runs back within a step.
-            for after in [false, true] {
-                for (place, (id, message)) in channels.iter().enumerate() {
-                    let timing = recording.channels[place].timing;
-                    if (timing == Some(Timing::AfterStep)) != after {
-                        continue;
+    writer.chunks(|hand_over| {
+        let (mut start, mut chunk) = (0_u64, Chunk::default());
+        for episode in &recording.episodes {
+            for step in 0..episode.facts.length {
+                for (channels, later) in [(&before, 0), (&after, 1)] {
+                    let time = time(start + step as u64 + later);
+                    for (id, place, message) in channels {
+                        if chunk.is_full() {
+                            hand_over(std::mem::take(&mut chunk))?;
+                        }
+                        let write = |text: &mut _| message.write(text, episode, *place, step);
+                        chunk.add(*id, step as u32, time, write);
                     }
-                    message.write(&mut text, episode, place, step);
-                    let log_time = time(start + step as u64 + u64::from(after));
-                    let header = MessageHeader {
-                        channel_id: *id,
-                        sequence: step as u32,
-                        log_time,
-                        publish_time: log_time,
-                    };
-                    writer.write_to_known_channel(&header, &text)?;
                 }
             }
+            start += episode.facts.length as u64 + 1;
         }
-        start += episode.facts.length as u64 + 1;
-    }
-    writer.finish().map(drop)
+        if chunk.is_empty() { Ok(()) } else { hand_over(chunk) }
+    })?;
+    writer.finish()
 }
 
 /// The log time of a step, counted through all episodes, ns.

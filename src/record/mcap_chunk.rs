@@ -5,10 +5,16 @@
 use mcap::records::{ChunkHeader, Record};
 
 use super::RecordError;
-use super::mcap_summary::crc32;
 
 /// Opcode and length of a record.
 const HEAD: usize = 1 + 8;
+
+/// CRC-32 as in zip and Ethernet.
+pub(super) fn crc32(bytes: &[u8]) -> u32 {
+    let mut crc = flate2::Crc::new();
+    crc.update(bytes);
+    crc.sum()
+}
 
 /// Why a chunk cannot be unpacked.
 pub(super) enum ChunkError {
@@ -60,4 +66,14 @@ pub(super) fn for_each(
         rest = others;
     }
     Ok(true)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_checksum_is_the_published_one() {
+        assert_eq!(crc32(b"123456789"), 0xcbf4_3926);
+    }
 }

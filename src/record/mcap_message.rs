@@ -38,9 +38,8 @@ impl Message {
         self.leads.len()
     }
 
-    /// Replaces `text` by the message of the channel at `place` for `step` of `episode`.
+    /// Appends to `text` the message of the channel at `place` for `step` of `episode`.
     pub(super) fn write(&self, text: &mut Vec<u8>, episode: &Episode, place: usize, step: usize) {
-        text.clear();
         let number = episode.facts.number;
         let row = step * self.width()..(step + 1) * self.width();
         // Numbers go into memory: nothing here can fail.

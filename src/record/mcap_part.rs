@@ -13,7 +13,7 @@ use mcap::records::{ChunkIndex, Record};
 
 use super::RecordError;
 use super::mcap::{LONGEST_RECORD, Reading, chunk, damaged, read_header, spans};
-use super::mcap_summary::crc32;
+use super::mcap_chunk::crc32;
 use super::recording::Recording;
 use crate::files::{self, FileError};
 

@@ -33,7 +33,7 @@ mod mcap_message;
 #[cfg(feature = "mcap")]
 mod mcap_part;
 #[cfg(feature = "mcap")]
-mod mcap_summary;
+mod mcap_writer;
 #[cfg(feature = "parquet")]
 mod parquet;
 #[cfg(feature = "parquet")]

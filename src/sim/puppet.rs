@@ -4,6 +4,8 @@
 //! rest from it with `mj_forward`: poses, tendons along their wrapped paths, muscle forces, contacts. So what is seen belongs
 //! to one moment also where a task leaves tendons or contacts of the physics step before, and whoever looks may be slow.
 
+use std::ffi::c_int;
+
 use super::engine::{EngineError, Simulation};
 
 /// The state of a body, and what tasks edit in its model.
@@ -21,6 +23,9 @@ pub struct Snapshot {
     geom_pos: Vec<f64>,
     geom_quat: Vec<f64>,
     geom_size: Vec<f64>,
+    geom_reach: Vec<f64>,
+    geom_box: Vec<f64>,
+    geom_type: Vec<c_int>,
 }
 
 impl Snapshot {
@@ -47,10 +52,14 @@ impl Snapshot {
             (&mut self.geom_pos, body.model_geom_pos()),
             (&mut self.geom_quat, body.model_geom_quat()),
             (&mut self.geom_size, body.model_geom_size()),
+            (&mut self.geom_reach, body.model_geom_rbound()),
+            (&mut self.geom_box, body.model_geom_aabb()),
         ] {
             into.clear();
             into.extend_from_slice(from);
         }
+        self.geom_type.clear();
+        self.geom_type.extend_from_slice(body.model_geom_type());
     }
 }
 
@@ -87,6 +96,9 @@ impl Puppet {
         body.model_geom_pos_mut().copy_from_slice(&snapshot.geom_pos);
         body.model_geom_quat_mut().copy_from_slice(&snapshot.geom_quat);
         body.model_geom_size_mut().copy_from_slice(&snapshot.geom_size);
+        body.model_geom_rbound_mut().copy_from_slice(&snapshot.geom_reach);
+        body.model_geom_aabb_mut().copy_from_slice(&snapshot.geom_box);
+        body.model_geom_type_mut().copy_from_slice(&snapshot.geom_type);
         body.forward();
     }
 

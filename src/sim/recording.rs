@@ -199,7 +199,8 @@ impl Recorder {
 }
 
 /// What the columns of recordings of `environment`'s task mean.
-pub(super) fn names_of(environment: &Environment) -> ChannelNames {
+#[must_use]
+pub fn names_of(environment: &Environment) -> ChannelNames {
     let simulation = environment.simulation();
     let names = simulation.names_of(Names::Joint);
     let joint = |joint: usize| JointName {

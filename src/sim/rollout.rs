@@ -88,6 +88,14 @@ pub enum Subspace {
 }
 
 impl Subspace {
+    /// Components that are left.
+    fn count(&self) -> usize {
+        match self {
+            Self::Actions(projection) => projection.count(),
+            Self::Excitations(projection) => projection.rank(),
+        }
+    }
+
     fn muscle_count(&self) -> usize {
         match self {
             Self::Actions(projection) => projection.muscle_count(),
@@ -375,7 +383,7 @@ impl Worker<'_> {
                 if self.slots[slot].episode.is_none()
                     && let Some((index, spec)) = next()
                 {
-                    self.begin(slot, index, spec);
+                    self.begin(plan, slot, index, spec);
                 }
             }
             self.playing.clear();
@@ -393,11 +401,12 @@ impl Worker<'_> {
         }
     }
 
-    fn begin(&mut self, slot: usize, index: usize, spec: EpisodeSpec) {
+    fn begin(&mut self, plan: &RolloutPlan<'_>, slot: usize, index: usize, spec: EpisodeSpec) {
         self.environments[slot].reset(&mut Random::new(spec.reset_seed));
         self.actor.reset(slot);
         if let Some((watcher, job)) = self.watcher {
-            watcher.begins(job, index, &spec, &self.environments[slot]);
+            let components = spec.projection.map(|place| plan.projections[place].count());
+            watcher.begins(job, index, &spec, components, &self.environments[slot]);
         }
         self.slots[slot] = Slot {
             index,

@@ -20,8 +20,15 @@ pub struct Stepped<'a> {
 
 /// Somebody who looks on. `job` and `index` say which episode of which list it is.
 pub trait Watcher: Sync {
-    /// An episode begins, in the state that `environment` shows.
-    fn begins(&self, job: usize, index: usize, spec: &EpisodeSpec, environment: &Environment);
+    /// An episode begins, in the state that `environment` shows; it is confined to so many `components`, if to any.
+    fn begins(
+        &self,
+        job: usize,
+        index: usize,
+        spec: &EpisodeSpec,
+        components: Option<usize>,
+        environment: &Environment,
+    );
 
     /// A step was made.
     fn stepped(&self, job: usize, index: usize, environment: &Environment, stepped: &Stepped<'_>);

@@ -262,7 +262,10 @@ fn whole_loops(
         ("loop / parts", Align::Right),
         ("two threads", Align::Right),
         ("sweep / loop", Align::Right),
+        ("Parquet, ms", Align::Right),
+        ("MCAP, ms", Align::Right),
     ];
+    let written = |time: Option<f64>| time.map_or_else(|| "–".to_owned(), |t| format!("{t:.3}"));
     let lines: Vec<Vec<String>> = rows
         .iter()
         .map(|row| {
@@ -275,13 +278,15 @@ fn whole_loops(
                 format!("{:.3}", row.overhead()),
                 format!("{:.2} ×", row.two_threads),
                 format!("{:.3}", row.sweep),
+                written(row.parquet_milliseconds),
+                written(row.mcap_milliseconds),
             ]
         })
         .collect();
     let text = render::table(&columns, &lines);
     render::print_text(&format!(
         "{text}\nTimes are per control step on one thread, {} network. Sweep: planned, entered into a ledger and \
-         gathered.\n",
+         gathered. Parquet, MCAP: all that was recorded of a step, written.\n",
         network.name
     ))?;
     Ok(Outcome::Done)

@@ -218,7 +218,13 @@ pub fn run(context: &Context, arguments: &CsiArguments) -> anyhow::Result<Outcom
     let (folder, finished) = finish::open(context, &laboratory, "csi", &plan)?;
     if let Some(manifest) = finished {
         #[cfg(feature = "view")]
-        arguments.watch.warn_of_nothing_played(context);
+        if let Some(viewer) = arguments.watch.anywhere() {
+            viewing::play_again(context, &laboratory, viewer)?;
+            context.say(&format!(
+                "For episodes in few components delete `{}` and type the command again",
+                folder.path.display()
+            ));
+        }
         return finish::print(context, &folder, &manifest, &table);
     }
     let machine = &laboratory.machine;

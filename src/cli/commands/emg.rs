@@ -112,12 +112,14 @@ pub fn run(context: &Context, arguments: &EmgArguments) -> anyhow::Result<Outcom
     let (folder, finished) = finish::open_below(context, arguments.play.out(), "emg", &plan)?;
     if let Some(manifest) = finished {
         #[cfg(feature = "view")]
-        arguments.watch.warn_of_nothing_played(context);
+        walks.show(context, &arguments.recording, arguments.watch.anywhere())?;
         finish::print(context, &folder, &manifest, &table)?;
         return Ok(outcome(&manifest.result));
     }
     #[cfg(feature = "view")]
-    let walks = walks.watched(context, &arguments.watch)?;
+    let walks = walks.watched(&arguments.watch)?;
+    #[cfg(feature = "view")]
+    let plays = walks.plays();
     let Some((walks, machine)) = walks.all(context, &folder)? else { return Ok(Outcome::Done) };
     let result = EmgResult::of(subjects, &walks, options).map_err(walking::with_hint)?;
     for warning in result.policies.iter().flat_map(|policy| &policy.warnings) {
@@ -138,6 +140,10 @@ pub fn run(context: &Context, arguments: &EmgArguments) -> anyhow::Result<Outcom
     output.figure("correlations", &result.correlation_figure().to_svg()?)?;
     output.figure("profiles", &result.profile_figure().to_svg()?)?;
     let manifest = output.finish_with(json!([]), result.document(), machine)?;
+    #[cfg(feature = "view")]
+    if let (false, Some(viewer)) = (plays, arguments.watch.anywhere()) {
+        walking::show_recorded(context, &arguments.recording, viewer)?;
+    }
     finish::print(context, &folder, &manifest, &table)?;
     Ok(outcome(&manifest.result))
 }

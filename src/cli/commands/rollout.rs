@@ -9,7 +9,7 @@ use crate::cli::laboratory::{Defaults, Laboratory, PlayArguments};
 use crate::cli::render::{self, Align};
 use crate::cli::sweep;
 #[cfg(feature = "view")]
-use crate::cli::viewing::{self, WatchArguments};
+use crate::cli::viewing::{self, ViewerArguments, WatchArguments};
 use crate::experiment::recording::{self, Source};
 #[cfg(feature = "view")]
 use crate::experiment::run_folder::RunFolder;
@@ -65,7 +65,7 @@ pub fn run(context: &Context, arguments: &RolloutArguments) -> anyhow::Result<Ou
     let (folder, finished) = finish::open(context, &laboratory, "rollout", &plan)?;
     if let Some(manifest) = finished {
         #[cfg(feature = "view")]
-        save(context, arguments, &laboratory, &folder, &manifest.result)?;
+        show(context, arguments.watch.anywhere(), &laboratory, &folder, &manifest.result)?;
         return finish::print(context, &folder, &manifest, &table);
     }
     #[cfg(feature = "view")]
@@ -98,23 +98,23 @@ pub fn run(context: &Context, arguments: &RolloutArguments) -> anyhow::Result<Ou
     }
     let manifest = output.finish(&laboratory, json!({"tasks": tasks}), seconds)?;
     #[cfg(feature = "view")]
-    save(context, arguments, &laboratory, &folder, &manifest.result)?;
+    show(context, arguments.watch.file(), &laboratory, &folder, &manifest.result)?;
     finish::print(context, &folder, &manifest, &table)
 }
 
-/// Writes a scene of the first episodes, if one was asked for.
+/// Shows the first episodes that were recorded, if anywhere.
 #[cfg(feature = "view")]
-fn save(
+fn show(
     context: &Context,
-    arguments: &RolloutArguments,
+    viewer: Option<&ViewerArguments>,
     laboratory: &Laboratory,
     folder: &RunFolder,
     result: &Value,
 ) -> anyhow::Result<()> {
-    let Some(viewer) = arguments.watch.file() else { return Ok(()) };
+    let Some(viewer) = viewer else { return Ok(()) };
     let tasks = result["tasks"].as_object().into_iter().flatten();
     let files = tasks.filter_map(|(_, entry)| Some(folder.file(entry["files"][0].as_str()?)));
-    super::view::show_written(context, files.collect(), laboratory.physics, viewer)
+    super::view::show_files(context, files.collect(), Some(laboratory.physics), viewer)
 }
 
 fn table(result: &Value) -> String {

@@ -57,18 +57,27 @@ fn show(context: &Context, arguments: &ViewArguments) -> anyhow::Result<Value> {
     arguments.viewer.show(context, acts)
 }
 
-/// Shows the first episodes of recordings that a run has just written.
-pub(super) fn show_written(
+/// Shows the first episodes of the recordings in `files`, in the `physics` they were made in, if that is known.
+pub(super) fn show_files(
     context: &Context,
     files: Vec<PathBuf>,
-    physics: PhysicsVersion,
+    physics: Option<PhysicsVersion>,
     viewer: &ViewerArguments,
 ) -> anyhow::Result<()> {
     let recordings = files.into_iter().map(|path| Labelled { policy: None, path }).collect();
+    show_labelled(context, recordings, physics, viewer)
+}
+
+/// The same of recordings that have names.
+pub(super) fn show_labelled(
+    context: &Context,
+    recordings: Vec<Labelled>,
+    physics: Option<PhysicsVersion>,
+    viewer: &ViewerArguments,
+) -> anyhow::Result<()> {
     let (episode, task) = Default::default();
     let viewer = viewer.clone();
-    show(context, &ViewArguments { recordings, episode, task, physics: Some(physics), viewer })
-        .map(drop)
+    show(context, &ViewArguments { recordings, episode, task, physics, viewer }).map(drop)
 }
 
 /// The recordings of one task, and which of their episodes are shown.

@@ -13,7 +13,10 @@ use crate::cli::laboratory::{Defaults, Laboratory, PlayArguments};
 use crate::cli::render::Hinted;
 use crate::cli::sweep;
 #[cfg(feature = "view")]
-use crate::cli::viewing::{self, ViewerArguments, WatchArguments};
+use crate::cli::{
+    movement,
+    viewing::{self, ViewerArguments, WatchArguments},
+};
 use crate::experiment::recording::{self, Source};
 use crate::experiment::run_folder::RunFolder;
 use crate::experiment::walking::{Walk, WalkError, WalkOptions, read_walk};
@@ -211,19 +214,33 @@ impl Walks {
 
     /// The same with somebody who looks on.
     #[cfg(feature = "view")]
-    pub(super) fn watched(
-        mut self,
-        context: &Context,
-        watch: &WatchArguments,
-    ) -> anyhow::Result<Self> {
-        match &self.laboratory {
-            Some(laboratory) => {
-                watch.seat(laboratory)?;
-                self.scene = watch.file().cloned();
-            }
-            None => watch.warn_of_nothing_played(context),
+    pub(super) fn watched(mut self, watch: &WatchArguments) -> anyhow::Result<Self> {
+        if let Some(laboratory) = &self.laboratory {
+            watch.seat(laboratory)?;
+            self.scene = watch.file().cloned();
         }
         Ok(self)
+    }
+
+    /// Whether a policy plays.
+    #[cfg(feature = "view")]
+    pub(super) fn plays(&self) -> bool {
+        self.laboratory.is_some()
+    }
+
+    /// Shows walks of a run that was finished before: the policy's, else those recorded.
+    #[cfg(feature = "view")]
+    pub(super) fn show(
+        &self,
+        context: &Context,
+        recordings: &[Labelled],
+        viewer: Option<&ViewerArguments>,
+    ) -> anyhow::Result<()> {
+        match (viewer, &self.laboratory) {
+            (None, _) => Ok(()),
+            (Some(viewer), Some(laboratory)) => viewing::play_again(context, laboratory, viewer),
+            (Some(viewer), None) => show_recorded(context, recordings, viewer),
+        }
     }
 
     /// Whose walks they are.
@@ -270,6 +287,24 @@ impl Walks {
         machine["play"] = laboratory.circumstances(seconds);
         Ok(Some((walks, machine)))
     }
+}
+
+/// Shows the first episodes of recordings.
+#[cfg(feature = "view")]
+pub(super) fn show_recorded(
+    context: &Context,
+    recordings: &[Labelled],
+    viewer: &ViewerArguments,
+) -> anyhow::Result<()> {
+    if recordings.is_empty() {
+        context.say("warning: there is no recording and no policy, so there is nothing to see");
+        return Ok(());
+    }
+    let named = |one: &Labelled| movement::Labelled {
+        policy: Some(one.label.clone()),
+        path: one.path.clone(),
+    };
+    super::view::show_labelled(context, recordings.iter().map(named).collect(), None, viewer)
 }
 
 /// What the walk of a task is called: as the policy, unless it walks in several.

@@ -2,8 +2,9 @@
 //!
 //! The same episodes are played three times: by the rollout loop, on one thread; as physics alone, each body fed with the actions
 //! it was given before; and as forward passes alone, as many as there were steps. Then once more by two threads, and once
-//! as a sweep: planned, entered into a ledger, and put together again.
+//! as a sweep: planned, entered into a ledger, and put together again. What was recorded of them is written to a file.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::Serialize;
@@ -12,10 +13,12 @@ use serde_json::Value;
 use crate::experiment::ExperimentError;
 use crate::experiment::gather::{Played, SweepError};
 use crate::experiment::plan::{Arm, Plan, Shard, Typed};
+use crate::experiment::recording::{self, Source};
 use crate::experiment::seed;
 use crate::experiment::worker::{self, Crew, Scene};
 use crate::files;
 use crate::policy::Policy;
+use crate::record::{Format, Place, Recording, write_recording};
 use crate::sim::environment::Environment;
 use crate::sim::random::Random;
 use crate::sim::rollout::{
@@ -42,6 +45,10 @@ pub struct LoopRow {
     pub two_threads: f64,
     /// Time of the same episodes as a sweep, on one thread, over that of the loop.
     pub sweep: f64,
+    /// Writing everything recorded as Parquet, ms; none where that is not built in.
+    pub parquet_milliseconds: Option<f64>,
+    /// The same as MCAP.
+    pub mcap_milliseconds: Option<f64>,
 }
 
 impl LoopRow {
@@ -114,8 +121,20 @@ pub fn measure(
     let forward =
         forward::seconds_per_observation(policy, &interface, machine.batch.min(episodes), budget)
             .map_err(RolloutError::from)?;
+    let names = rollout::channel_names(&machine_of_one, task)?;
+    let (mode, metadata) = (ActionMode::Deterministic, BTreeMap::new());
+    let source = Source { task, policy: "made up", mode, seed: 0, metadata };
+    let recording = recording::recording(source, &names, recorded);
     let per_step = 1e3 / steps as f64;
+    let written = |built: bool, format| -> Result<Option<f64>, ExperimentError> {
+        if !built {
+            return Ok(None);
+        }
+        Ok(Some(per_step * writing(&recording, format, budget)?))
+    };
     Ok(LoopRow {
+        parquet_milliseconds: written(cfg!(feature = "parquet"), Format::Parquet)?,
+        mcap_milliseconds: written(cfg!(feature = "mcap"), Format::Mcap)?,
         task: task.name,
         steps,
         loop_milliseconds: one * per_step,
@@ -124,6 +143,21 @@ pub fn measure(
         two_threads: one / two,
         sweep: sweep / one,
     })
+}
+
+/// Seconds for writing `recording` to a file, its copy in memory included.
+fn writing(
+    recording: &Recording,
+    format: Format,
+    budget: Duration,
+) -> Result<f64, ExperimentError> {
+    let folder = files::temporary_folder(&std::env::temp_dir(), "arnold-analyze-bench")?;
+    let file = [(format, folder.path().join("recording"))];
+    write_recording(recording.clone(), &file, Place::Replace)?;
+    Ok(best_time(budget, || {
+        // It has just worked with the same arguments.
+        let _written = write_recording(recording.clone(), &file, Place::Replace);
+    }))
 }
 
 /// A scene in which every arm is played alike.

@@ -13,7 +13,7 @@ use crate::sim::puppet::{Puppet, Snapshot};
 use crate::sim::random::Random;
 use crate::sim::tasks::{self, RewardConfiguration};
 
-use super::staging::Staging;
+use super::staging::{Aim, Staging};
 
 /// Joints may differ by this much from the recorded ones: rounding of another machine, rad or m.
 const TOLERANCE: f64 = 1e-6;
@@ -110,8 +110,9 @@ impl Replay<'_> {
         let mut puppet = Puppet::new(environment.simulation())?;
         let mut snapshot = Snapshot::of(environment.simulation());
         puppet.pose(&snapshot);
-        let (mut staging, stage) = Staging::new(puppet);
-        let mut frames = vec![staging.frame(0, false)];
+        let aim = Aim::of(&environment);
+        let (mut staging, stage) = Staging::new(puppet, &aim);
+        let mut frames = vec![staging.frame(0, false, &aim.targets)];
         let mut excitation = vec![0.0; muscles];
         for step in 0..self.episode.facts.length {
             self.check(environment.simulation(), step)?;
@@ -121,7 +122,8 @@ impl Replay<'_> {
             environment.step_with(&excitation);
             snapshot.take(environment.simulation());
             staging.puppet_mut().pose(&snapshot);
-            frames.push(staging.frame(step + 1, self.solved(step + 1)));
+            let targets = environment.task().targets();
+            frames.push(staging.frame(step + 1, self.solved(step + 1), &targets));
         }
         Ok((stage, frames, Means::Played))
     }
@@ -155,7 +157,8 @@ impl Replay<'_> {
         let activations = self.channel(names::ACTIVATION, muscles).ok();
         let mut puppet = Puppet::new(body)?;
         puppet.pose(&Snapshot::of(body));
-        let (mut staging, stage) = Staging::new(puppet);
+        // What was to be reached is not recorded.
+        let (mut staging, stage) = Staging::new(puppet, &Aim::default());
         let mut frames = Vec::with_capacity(self.episode.facts.length);
         for step in 0..self.episode.facts.length {
             let puppet = staging.puppet_mut();
@@ -167,7 +170,7 @@ impl Replay<'_> {
                     *into = activations.map_or(0.0, |a| a.value(step * muscles + muscle));
                 }
             });
-            frames.push(staging.frame(step, self.solved(step)));
+            frames.push(staging.frame(step, self.solved(step), &[]));
         }
         Ok((stage, frames, Means::Posed))
     }

@@ -5,16 +5,23 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant, SystemTime};
 
-use crate::record::scene::{Broadcast, SceneError, Signal, Viewer};
+use crate::record::names;
+use crate::record::scene::{Broadcast, Scale, SceneError, Signal, Viewer};
 use crate::sim::bodies::Bodies;
-use crate::sim::engine::EngineError;
-use crate::sim::puppet::{Puppet, Snapshot};
+use crate::sim::engine::{EngineError, Names};
+use crate::sim::puppet::Puppet;
+use crate::sim::recording::ChannelNames;
+use crate::units::Seconds;
 
+use super::gait::Walked;
+use super::signals::{gait_phase, with_units};
 use super::staging::Staging;
 use super::watching::{Moment, News, Seat, Title};
 
 /// Frames are sent together once per this time.
 const BETWEEN_LETTERS: Duration = Duration::from_millis(200);
+/// What is shown live and has no channel of its own in a recording: the action with its noise, before any projection.
+const CHOSEN: &str = "action_before";
 
 /// Whoever moves the puppets.
 pub(super) struct Stagehand {
@@ -26,12 +33,6 @@ pub(super) struct Stagehand {
     arranged: BTreeSet<&'static str>,
     /// Tells this run's recordings from those of other runs in the same viewer.
     run: String,
-}
-
-/// An episode on the stage.
-struct Show {
-    staging: Staging,
-    broadcast: Broadcast,
 }
 
 impl Stagehand {
@@ -52,9 +53,9 @@ impl Stagehand {
         let mut sent = Instant::now();
         loop {
             let ended = match news.recv_timeout(BETWEEN_LETTERS) {
-                Ok(News::Begins { seat, title, state }) => {
+                Ok(News::Begins { seat, title }) => {
                     // A body that cannot be made cannot play either, which the other side says.
-                    if let Ok(show) = self.begin(&title, &state)? {
+                    if let Ok(show) = self.begin(&title)? {
                         self.shows.insert(seat, show);
                     }
                     false
@@ -67,6 +68,7 @@ impl Stagehand {
                 }
                 Ok(News::Ends { seat }) => {
                     if let Some(mut show) = self.shows.remove(&seat) {
+                        show.tell_gait(true);
                         show.broadcast.send(&self.viewer)?;
                     }
                     false
@@ -76,6 +78,7 @@ impl Stagehand {
             };
             if ended || sent.elapsed() >= BETWEEN_LETTERS {
                 for show in self.shows.values_mut() {
+                    show.tell_gait(ended);
                     show.broadcast.send(&self.viewer)?;
                 }
                 sent = Instant::now();
@@ -86,72 +89,129 @@ impl Stagehand {
         }
     }
 
-    fn begin(
-        &mut self,
-        title: &Title,
-        state: &Snapshot,
-    ) -> Result<Result<Show, EngineError>, SceneError> {
+    fn begin(&mut self, title: &Title) -> Result<Result<Show, EngineError>, SceneError> {
         let task = title.task;
         let puppet = self.bodies.body(task.source, task.model).and_then(|body| {
             let mut puppet = Puppet::new(&body)?;
-            puppet.pose(state);
-            Ok(puppet)
+            puppet.pose(&title.state);
+            let joints = title.names.joints.iter();
+            let places = joints
+                .map(|joint| Ok(body.joint_qpos_address(body.find(Names::Joint, &joint.name)?)))
+                .collect::<Result<Vec<usize>, EngineError>>()?;
+            Ok((puppet, places))
         });
-        let puppet = match puppet {
-            Ok(puppet) => puppet,
+        let (puppet, joints) = match puppet {
+            Ok(found) => found,
             Err(error) => return Ok(Err(error)),
         };
-        let (mut staging, stage) = Staging::new(puppet);
-        let signals = signals(&stage.muscles, &title.components, staging.has_feet());
+        let (mut staging, stage) = Staging::new(puppet, &title.aim);
+        let condition = match title.components {
+            Some(1) => "1 component".to_owned(),
+            Some(components) => format!("{components} components"),
+            None => String::new(),
+        };
         let mut broadcast = Broadcast::new(task.name, title.episode as u64, &self.policy, stage)
+            .under(&condition)
             .at(task.control_interval(), task.horizon)
-            .with(signals);
+            .with(signals(&title.names));
         let is_new = self.arranged.insert(task.name);
         broadcast.open(&self.viewer, &self.run, is_new)?;
-        broadcast.add(staging.frame(0, false), Vec::new());
-        Ok(Ok(Show { staging, broadcast }))
+        broadcast.add(staging.frame(0, false, &title.aim.targets));
+        let interval = task.control_interval();
+        let mut show =
+            Show { staging, broadcast, joints, interval, walked: Walked::default(), told: 0 };
+        show.walk(&title.walked);
+        Ok(Ok(show))
     }
+}
+
+/// An episode on the stage.
+struct Show {
+    staging: Staging,
+    broadcast: Broadcast,
+    /// Places of the shown joints among the body's positions.
+    joints: Vec<usize>,
+    interval: Seconds,
+    /// What was felt so far.
+    walked: Walked,
+    /// Steps whose gait phases were told.
+    told: usize,
 }
 
 impl Show {
     fn add(&mut self, moment: &Moment) {
-        self.staging.puppet_mut().pose(&moment.state);
-        let frame = self.staging.frame(moment.step, moment.solved);
+        let puppet = self.staging.puppet_mut();
+        puppet.pose(&moment.state);
+        let angles = self.joints.iter().map(|&place| puppet.body().qpos()[place]).collect();
+        let frame = self.staging.frame(moment.step, moment.solved, &moment.targets);
         let wide = |values: &[f32]| values.iter().map(|&value| f64::from(value)).collect();
-        let mut values: Vec<Vec<f64>> = vec![
-            wide(&frame.activation),
-            wide(&moment.chosen),
-            wide(&moment.action),
-            moment.reward.clone(),
-            vec![f64::from(u8::from(moment.solved))],
+        let values: [(&str, Vec<f64>); 6] = [
+            (names::ACTIVATION, wide(&frame.activation)),
+            (CHOSEN, wide(&moment.chosen)),
+            (names::ACTION, wide(&moment.action)),
+            (names::JOINT, angles),
+            (names::REWARD_COMPONENT, moment.reward.clone()),
+            (names::SOLVED, vec![f64::from(u8::from(moment.solved))]),
         ];
-        if self.staging.has_feet() {
-            values.push(moment.touch.clone());
+        for (name, values) in values {
+            self.broadcast.tell(name, moment.step, values);
         }
-        self.broadcast.add(frame, values);
+        self.broadcast.add(frame);
+        self.walk(&moment.walked);
+    }
+
+    /// Takes in what was felt at the next steps, of which there may be more than were shown.
+    fn walk(&mut self, walked: &Walked) {
+        for touch in walked.contacts.chunks_exact(names::FEET.len()).enumerate() {
+            let (later, touch) = touch;
+            let step = self.walked.len() + later;
+            self.broadcast.tell(names::FOOT_CONTACT, step, touch.iter().copied());
+        }
+        self.walked.append(walked);
+    }
+
+    /// Tells the gait phases that are certain by now; at the end all of them.
+    fn tell_gait(&mut self, ends: bool) {
+        if self.walked.is_empty() {
+            return;
+        }
+        let Some(phases) = self.walked.phases(self.interval) else { return };
+        let until = if ends { self.walked.len() } else { phases.settled };
+        for step in self.told..until {
+            let both = [phases.right[step], phases.left[step]];
+            self.broadcast.tell(&gait_phase().name, step, both);
+        }
+        self.told = self.told.max(until);
     }
 }
 
-/// What is shown live, in the order of [`Show::add`].
-fn signals(muscles: &[String], components: &[&str], feet: bool) -> Vec<Signal> {
-    let signal = |name: &str, title: &str, elements: Vec<String>| Signal {
+/// What is shown live.
+fn signals(columns: &ChannelNames) -> Vec<Signal> {
+    let signal = |name: &str, title: &str, elements: &[String]| Signal {
         name: name.to_owned(),
         title: title.to_owned(),
-        elements,
+        elements: elements.to_vec(),
         after_step: true,
-        values: Vec::new(),
+        ..Signal::default()
     };
-    let components = components.iter().map(|&name| name.to_owned()).collect();
+    let ChannelNames { muscles, joints, reward_components, walking } = columns;
+    let angles: Vec<String> = joints.iter().map(|joint| joint.name.clone()).collect();
+    let units = [("rad", false), ("m", true)];
+    let units = units.iter().filter(|(_, slides)| joints.iter().any(|j| j.slides == *slides));
+    let units: Vec<&str> = units.map(|(unit, _)| *unit).collect();
     let mut signals = vec![
-        signal("activation", "Muscle activation", muscles.to_vec()),
-        signal("action_before", "Action before projection", muscles.to_vec()),
-        signal("action", "Action sent to the body", muscles.to_vec()),
-        signal("reward_component", "Reward components", components),
-        signal("solved", "Solved", vec![String::new()]),
+        Signal { scale: Scale::Share, ..signal(names::ACTIVATION, "Muscle activation", muscles) },
+        signal(CHOSEN, "Action before projection", muscles),
+        signal(names::ACTION, "Action sent to the body", muscles),
+        signal(names::JOINT, &with_units("Joint angles", &units), &angles),
     ];
-    if feet {
-        let feet = crate::record::names::FEET.iter().map(|&foot| foot.to_owned()).collect();
-        signals.push(signal("foot_contact", "Touch forces (N)", feet));
+    if *walking {
+        let feet = names::FEET.map(str::to_owned);
+        signals.extend([signal(names::FOOT_CONTACT, "Touch forces (N)", &feet), gait_phase()]);
     }
+    signals.extend([
+        signal(names::REWARD_COMPONENT, "Reward components", reward_components),
+        Signal { scale: Scale::Flag, ..signal(names::SOLVED, "Solved", &[String::new()]) },
+    ]);
     signals
 }

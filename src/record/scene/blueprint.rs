@@ -7,21 +7,28 @@ use re_sdk::log::LogMsg;
 use re_sdk::{ApplicationId, AsComponents, EntityPath, StoreId, StoreKind};
 use re_sdk_types::blueprint::archetypes::{
     Background, ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, PlotLegend,
-    TimePanelBlueprint, ViewBlueprint, ViewContents, ViewportBlueprint,
+    ScalarAxis, TimeAxis, TimePanelBlueprint, ViewBlueprint, ViewContents, ViewportBlueprint,
+    VisualBounds2D,
 };
 use re_sdk_types::blueprint::components::{
-    BackgroundKind, ColumnShare, ContainerKind, Eye3DKind, IncludedContent, LoopMode, PanelState,
-    PlayState, PlaybackSpeed, QueryExpression, RootContainer, RowShare, TimelineName, ViewClass,
+    BackgroundKind, ColumnShare, ContainerKind, Corner2D, Eye3DKind, IncludedContent, LinkAxis,
+    LoopMode, PanelState, PlayState, PlaybackSpeed, QueryExpression, RootContainer, RowShare,
+    TimeRange, TimelineName, ViewClass,
 };
-use re_sdk_types::components::{Color, Name, Position3D, Visible};
-use re_sdk_types::datatypes::{Bool, Float32, Float64, Uuid};
+use re_sdk_types::components::{Color, Name, Position3D, Range1D, Visible};
+use re_sdk_types::datatypes::{self, Bool, Float32, Float64, TimeInt, TimeRangeBoundary, Uuid};
 
 use super::script::{Act, Take};
+use super::signals::{Scale, Signal};
 use super::store::{SceneError, Store, TIME, blueprint_time};
-use super::{heat, stage};
+use super::{heat, seconds, stage};
 
-/// Plots with more lines than this have no legend: it would hide them.
-const LONGEST_LEGEND: usize = 8;
+/// Plots with more lines than this have no legend: it would hide them. One line needs none.
+const LEGENDS: std::ops::RangeInclusive<usize> = 2..=4;
+/// Height of the plot of a flag; that of others is 1.
+const FLAG_HEIGHT: f32 = 0.6;
+/// Between two lines of the floor, m.
+const FLOOR_SPACING: f32 = 0.5;
 
 /// All messages of the blueprint of `act`.
 pub(super) fn messages(act: &Act) -> Result<Vec<LogMsg>, SceneError> {
@@ -34,21 +41,24 @@ pub(super) fn messages(act: &Act) -> Result<Vec<LogMsg>, SceneError> {
     let mut columns = Vec::new();
     for take in &act.takes {
         let scene = plan.scene(take)?;
-        let map = plan.view(
-            "2D",
-            &format!("Activation of {} muscles over time", take.stage.muscles.len()),
-            &heat::path(&take.path()),
-            &[],
-        )?;
+        let map = plan.map(take, act.length())?;
         let column =
-            plan.container(ContainerKind::Vertical, &take.label, &[scene, map], &[3.2, 1.0])?;
+            plan.container(ContainerKind::Vertical, &take.label, &[scene, map], &[2.8, 1.0])?;
         columns.push((column, 2.0));
     }
     let signals = plan.signals(act)?;
-    columns.push((signals, if act.takes.len() == 1 { 1.6 } else { 1.4 }));
+    columns.push((signals, if act.takes.len() == 1 { 1.6 } else { 2.6 }));
     let (contents, shares): (Vec<Part>, Vec<f32>) = columns.into_iter().unzip();
     let root = plan.container(ContainerKind::Horizontal, &act.task, &contents, &shares)?;
     plan.finish(&root)
+}
+
+/// The time from the start of an episode to where it is cut off at the latest: what is known before steps begins and ends
+/// a step earlier than what is known after them, and would stand askew above it.
+fn episode(act: &Act) -> TimeRange {
+    let end = (seconds(act.length() - 1, act.interval) * 1e9).round() as i64;
+    let at = |time| TimeRangeBoundary::Absolute(TimeInt(time));
+    TimeRange(datatypes::TimeRange { start: at(0), end: at(end) })
 }
 
 /// A view or a container.
@@ -129,12 +139,15 @@ impl Plan {
             .with_look_target(Position3D::from(take.stage.look_at))
             .with_eye_up([0.0, 0.0, 1.0]);
         if let Some(body) = take.stage.follow {
-            let path = stage::body_path(&take.path(), body, &take.stage.bodies[body].name);
+            let path = stage::body_path(&take.path(), &take.stage, body);
             eye = eye.with_tracking_entity(path.to_string());
         }
         let background =
             Background::new(BackgroundKind::SolidColor).with_color(Color::from_rgb(24, 26, 31));
-        let grid = LineGrid3D::new().with_visible(Visible(Bool(false)));
+        let grid = LineGrid3D::new()
+            .with_visible(Visible(Bool(take.stage.floor)))
+            .with_spacing(FLOOR_SPACING)
+            .with_color(Color::from_unmultiplied_rgba(160, 160, 170, 40));
         self.view(
             "3D",
             &take.label,
@@ -143,29 +156,59 @@ impl Plan {
         )
     }
 
+    /// The heat map with the names of its rows.
+    fn map(&mut self, take: &Take, steps: usize) -> Result<Part, SceneError> {
+        let muscles = take.stage.muscles.len();
+        let (x, y) = heat::bounds(muscles, steps);
+        let seen =
+            datatypes::Range2D { x_range: datatypes::Range1D(x), y_range: datatypes::Range1D(y) };
+        let bounds = VisualBounds2D::new(seen);
+        let path = heat::path(&take.path());
+        self.view("2D", &heat::title(muscles), &path, &[("VisualBounds2D", &bounds)])
+    }
+
+    /// One quantity over the `time` that all plots show.
+    fn plot(
+        &mut self,
+        title: &str,
+        take: &Take,
+        signal: &Signal,
+        time: &TimeAxis,
+    ) -> Result<Part, SceneError> {
+        let legend = PlotLegend::new()
+            .with_visible(Visible(Bool(LEGENDS.contains(&signal.elements.len()))))
+            .with_corner(Corner2D::RightTop);
+        let axis = match signal.scale.range() {
+            Some(range) => ScalarAxis::new().with_range(Range1D(datatypes::Range1D(range))),
+            None => ScalarAxis::new(),
+        };
+        let properties: [(&str, &dyn AsComponents); 3] =
+            [("PlotLegend", &legend), ("TimeAxis", time), ("ScalarAxis", &axis)];
+        self.view("TimeSeries", title, &signal.path(&take.path()), &properties)
+    }
+
     /// The signals: one plot per quantity, and of several takes one beside the other.
     fn signals(&mut self, act: &Act) -> Result<Part, SceneError> {
-        let mut names: Vec<&str> = Vec::new();
+        let mut quantities: Vec<(&str, Scale)> = Vec::new();
         for signal in act.takes.iter().flat_map(|take| &take.signals) {
-            if !names.contains(&signal.name.as_str()) {
-                names.push(&signal.name);
+            if quantities.iter().all(|(name, _)| *name != signal.name) {
+                quantities.push((&signal.name, signal.scale));
             }
         }
-        let mut plots = Vec::new();
-        for name in names {
+        let time = TimeAxis::new().with_link(LinkAxis::LinkToGlobal).with_view_range(episode(act));
+        let (mut plots, mut shares) = (Vec::new(), Vec::new());
+        for (name, scale) in quantities {
+            shares.push(if scale == Scale::Flag { FLAG_HEIGHT } else { 1.0 });
             let mut row = Vec::new();
             for take in &act.takes {
                 let Some(signal) = take.signals.iter().find(|signal| signal.name == name) else {
                     continue;
                 };
-                let few = signal.elements.len() <= LONGEST_LEGEND;
-                let legend = PlotLegend::new().with_visible(Visible(Bool(few)));
                 let title = match act.takes.len() {
                     1 => signal.title.clone(),
-                    _ => format!("{}: {}", take.label, signal.title),
+                    _ => format!("{}, {}", signal.title, take.label),
                 };
-                let path = signal.path(&take.path());
-                row.push(self.view("TimeSeries", &title, &path, &[("PlotLegend", &legend)])?);
+                row.push(self.plot(&title, take, signal, &time)?);
             }
             plots.push(match row.len() {
                 1 => row.remove(0),
@@ -175,7 +218,6 @@ impl Plan {
             });
         }
         let notes = self.view("TextDocument", "Notes", &EntityPath::from("notes"), &[])?;
-        let shares = vec![1.0; plots.len()];
         let plots = self.container(ContainerKind::Vertical, "Signals", &plots, &shares)?;
         self.container(ContainerKind::Tabs, "Signals and notes", &[plots, notes], &[])
     }

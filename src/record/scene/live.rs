@@ -14,7 +14,7 @@ use crate::units::Seconds;
 
 use super::script::{Act, Take};
 use super::store::{SceneError, Store};
-use super::{Frame, Signal, Stage, blueprint, heat, script, stage};
+use super::{Frame, Signal, Stage, blueprint, heat, stage};
 
 /// Where the viewer is.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -98,12 +98,11 @@ impl Viewer {
 /// An episode that is told while it happens.
 pub struct Broadcast {
     act: Act,
-    horizon: usize,
     store: Option<Store>,
     /// Activations so far, by step: the heat map.
     known: Vec<Vec<f32>>,
-    /// Frames for which there are signals.
-    signalled: Vec<usize>,
+    /// For every signal the frames of its values.
+    told: Vec<Vec<usize>>,
 }
 
 impl Broadcast {
@@ -111,24 +110,35 @@ impl Broadcast {
     #[must_use]
     pub fn new(task: &str, episode: u64, label: &str, stage: Stage) -> Self {
         let take = Take { label: label.to_owned(), stage, ..Take::default() };
-        let notes = format!(
-            "# {task}, episode {episode}\n\n* policy: {label}\n* watched while it was played\n"
-        );
-        let act = Act { task: task.to_owned(), episode, interval: 1.0, notes, takes: vec![take] };
-        Self { act, horizon: 1, store: None, known: Vec::new(), signalled: Vec::new() }
+        let act = Act {
+            task: task.to_owned(),
+            episode,
+            interval: 1.0,
+            takes: vec![take],
+            ..Act::default()
+        };
+        Self { act, store: None, known: Vec::new(), told: Vec::new() }
+    }
+
+    /// Played under a condition, such as a number of components.
+    #[must_use]
+    pub fn under(mut self, condition: &str) -> Self {
+        condition.clone_into(&mut self.act.condition);
+        self
     }
 
     /// With the control step and the length of an episode that nothing ends.
     #[must_use]
     pub fn at(mut self, interval: Seconds, horizon: usize) -> Self {
         self.act.interval = interval;
-        self.horizon = horizon + 1;
+        self.act.horizon = horizon;
         self
     }
 
     /// With `signals`, which have no values yet.
     #[must_use]
     pub fn with(mut self, signals: Vec<Signal>) -> Self {
+        self.told = vec![Vec::new(); signals.len()];
         self.act.takes[0].signals = signals;
         self
     }
@@ -138,10 +148,15 @@ impl Broadcast {
         if arrange {
             viewer.send(blueprint::messages(&self.act)?);
         }
-        let Act { task, episode, notes, takes, .. } = &self.act;
-        let take = &takes[0];
-        let mut store = script::open(task, *episode, &[&take.label], notes, run)?;
+        let (title, take) = (self.act.title(), &self.act.takes[0]);
+        let rows = heat::rows_in_words(&take.stage.muscles);
+        let label = &take.label;
+        self.act.notes =
+            format!("# {title}\n\n* policy: {label}\n* watched while it was played\n* {rows}\n");
+        let take = &self.act.takes[0];
+        let mut store = self.act.open(run)?;
         stage::set(&mut store, &take.path(), &take.stage)?;
+        heat::name_rows(&mut store, &take.path(), &take.stage.muscles, self.act.length())?;
         for signal in &take.signals {
             signal.introduce(&mut store, &take.path())?;
         }
@@ -150,43 +165,47 @@ impl Broadcast {
         Ok(())
     }
 
-    /// Keeps a frame, and the values of all signals in their order, until the next letter.
-    pub fn add(&mut self, frame: Frame, values: Vec<Vec<f64>>) {
+    /// Keeps a frame until the next letter.
+    pub fn add(&mut self, frame: Frame) {
         if self.known.len() <= frame.step {
             self.known.resize(frame.step + 1, vec![f32::NAN; frame.activation.len()]);
         }
         self.known[frame.step].clone_from(&frame.activation);
-        let take = &mut self.act.takes[0];
-        if values.len() == take.signals.len() {
-            self.signalled.push(frame.step);
-            for (signal, values) in take.signals.iter_mut().zip(values) {
-                signal.values.extend(values);
-            }
+        self.act.takes[0].frames.push(frame);
+    }
+
+    /// Keeps the values of the signal `name` at a step until the next letter, also of a step that was not shown or is long
+    /// past. A signal that is not there is not told.
+    pub fn tell(&mut self, name: &str, step: usize, values: impl IntoIterator<Item = f64>) {
+        let mut signals = self.act.takes[0].signals.iter_mut().zip(&mut self.told);
+        if let Some((signal, steps)) = signals.find(|(signal, _)| signal.name == name) {
+            signal.values.extend(values);
+            steps.push(step);
         }
-        take.frames.push(frame);
     }
 
     /// Sends what was kept.
     pub fn send(&mut self, viewer: &Viewer) -> Result<(), SceneError> {
         let Some(store) = &mut self.store else { return Ok(()) };
-        let interval = self.act.interval;
+        let (interval, all) = (self.act.interval, self.act.length());
         let take = &mut self.act.takes[0];
         let frames = std::mem::take(&mut take.frames);
+        let path = take.path();
+        for (signal, steps) in take.signals.iter_mut().zip(&mut self.told) {
+            signal.show_at(store, &path, steps, interval)?;
+            signal.values.clear();
+            steps.clear();
+        }
         if frames.is_empty() {
+            viewer.send(store.take());
             return Ok(());
         }
-        let path = take.path();
         stage::show(store, &path, &take.stage, &frames, interval)?;
-        for signal in &mut take.signals {
-            signal.show_at(store, &path, &self.signalled, interval)?;
-            signal.values.clear();
-        }
-        self.signalled.clear();
         let muscles = take.stage.muscles.len();
         let rows = self.known.iter().map(Vec::as_slice);
-        heat::show(store, &path, muscles, self.horizon, rows)?;
+        heat::show(store, &path, muscles, all, rows)?;
         let steps: Vec<usize> = frames.iter().map(|frame| frame.step).collect();
-        heat::point(store, &path, muscles, self.horizon, &steps, interval)?;
+        heat::point(store, &path, muscles, all, &steps, interval)?;
         viewer.send(store.take());
         Ok(())
     }

@@ -24,20 +24,29 @@ mod store;
 use crate::units::Seconds;
 
 pub use file::write_scene;
+pub use heat::rows_in_words;
 pub use live::{Broadcast, Connection, Viewer};
 pub use script::{Act, Take};
-pub use signals::Signal;
+pub use signals::{Scale, Signal};
 pub use solid::{Solid, capsule, cuboid, cylinder, ellipsoid};
 pub use store::SceneError;
 
-/// What stands on a stage and does not change: bodies with their surfaces, muscles, marked points.
+/// A position (m) and an orientation (x, y, z, w).
+pub type Pose = ([f32; 3], [f32; 4]);
+
+/// What stands on a stage and does not change: bodies with their surfaces, muscles, what is to be reached.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Stage {
     pub bodies: Vec<StageBody>,
+    /// Where some of the bodies should be.
+    pub ghost: Vec<(usize, Pose)>,
     pub muscles: Vec<String>,
     /// Force that draws each muscle at its full thickness, N.
     pub strongest: Vec<f32>,
-    pub marks: Vec<Mark>,
+    /// What is to be reached counts as reached within these distances, m.
+    pub targets: Vec<f32>,
+    /// Whether one sees the floor, at height 0.
+    pub floor: bool,
     /// Thickness of a tendon that does not pull, m.
     pub thread: f32,
     /// Where to look from, and at what, m.
@@ -57,29 +66,19 @@ pub struct StageBody {
     pub glass: Solid,
 }
 
-/// A marked point: a target.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Mark {
-    pub name: String,
-    /// m.
-    pub radius: f32,
-    pub colour: [u8; 4],
-}
-
 /// Where everything is after a number of steps.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Frame {
     pub step: usize,
-    /// Positions (m) and orientations (x, y, z, w) of the bodies.
-    pub bodies: Vec<([f32; 3], [f32; 4])>,
+    pub bodies: Vec<Pose>,
     /// The path of each muscle; empty where none is known.
     pub paths: Vec<Vec<[f32; 3]>>,
     /// Activation of each muscle, 0..1.
     pub activation: Vec<f32>,
     /// Pull of each muscle, N.
     pub force: Vec<f32>,
-    /// Positions of the marks, m.
-    pub marks: Vec<[f32; 3]>,
+    /// Where the targets are, m.
+    pub targets: Vec<[f32; 3]>,
     /// Positions (m) and forces (N) of the contacts.
     pub contacts: Vec<([f32; 3], f32)>,
     pub solved: bool,

@@ -9,11 +9,13 @@ const ACTIVATION: [[f32; 3]; 5] = [
     [255.0, 96.0, 32.0],
 ];
 
-/// A target that is not reached, and one that is.
-pub(super) const OPEN: [u8; 3] = [240, 190, 40];
+/// A target that is not reached, and one that is: no bone, tendon or ball has these colours.
+pub(super) const OPEN: [u8; 3] = [235, 80, 200];
 pub(super) const SOLVED: [u8; 3] = [60, 200, 90];
 /// Where shapes touch.
 pub(super) const CONTACT: [u8; 3] = [255, 235, 120];
+/// What something is called.
+pub(super) const NAME: [u8; 3] = [200, 200, 200];
 /// Now.
 pub(super) const CURSOR: [u8; 3] = [255, 255, 255];
 

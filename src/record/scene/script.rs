@@ -25,8 +25,12 @@ pub struct Act {
     pub task: String,
     /// Number of the episode.
     pub episode: u64,
+    /// What it is played under, such as a number of components; empty if nothing.
+    pub condition: String,
     /// Control step.
     pub interval: Seconds,
+    /// Steps that an episode can have; 0 where that is not known.
+    pub horizon: usize,
     /// What a person should know: where it comes from.
     pub notes: String,
     pub takes: Vec<Take>,
@@ -40,10 +44,34 @@ impl Take {
 }
 
 impl Act {
+    /// What the viewer calls it.
+    pub(super) fn title(&self) -> String {
+        let Self { task, episode, condition, .. } = self;
+        let comma = if condition.is_empty() { "" } else { ", " };
+        format!("{task}{comma}{condition}, episode {episode}")
+    }
+
+    /// Frames that the heat map has room for: those of a whole episode, so that the maps of two can be compared.
+    pub(super) fn length(&self) -> usize {
+        let played = self.takes.iter().map(|take| take.frames.len()).max();
+        played.unwrap_or(0).max(self.horizon + 1)
+    }
+
+    /// Its recording, with the notes. Equal episodes of a `run` have equal names, so that a file says the same twice.
+    pub(super) fn open(&self, run: &str) -> Result<Store, SceneError> {
+        let Self { task, episode, condition, notes, takes, .. } = self;
+        let labels: Vec<&str> = takes.iter().map(|take| take.label.as_str()).collect();
+        let labels = labels.join("\n");
+        let identity = format!("{task}\n{episode}\n{condition}\n{labels}\n{notes}\n{run}");
+        let identity = blake3::hash(identity.as_bytes()).to_hex();
+        let mut store = Store::recording(task, &identity[..32], &self.title())?;
+        store.fixed("notes", &TextDocument::from_markdown(notes.as_str()))?;
+        Ok(store)
+    }
+
     /// All messages of the episode.
     pub(super) fn messages(&self) -> Result<Vec<LogMsg>, SceneError> {
-        let labels: Vec<&str> = self.takes.iter().map(|take| take.label.as_str()).collect();
-        let mut store = open(&self.task, self.episode, &labels, &self.notes, "")?;
+        let mut store = self.open("")?;
         for take in &self.takes {
             let path = take.path();
             stage::set(&mut store, &path, &take.stage)?;
@@ -52,7 +80,8 @@ impl Act {
                 signal.introduce(&mut store, &path)?;
                 signal.show(&mut store, &path, self.interval)?;
             }
-            let (muscles, all) = (take.stage.muscles.len(), take.frames.len());
+            let (muscles, all) = (take.stage.muscles.len(), self.length());
+            heat::name_rows(&mut store, &path, &take.stage.muscles, all)?;
             let rows = take.frames.iter().map(|frame| frame.activation.as_slice());
             heat::show(&mut store, &path, muscles, all, rows)?;
             let steps: Vec<usize> = take.frames.iter().map(|frame| frame.step).collect();
@@ -60,20 +89,4 @@ impl Act {
         }
         Ok(store.take())
     }
-}
-
-/// The recording of an episode, with its notes. Equal episodes of a `run` have equal names, so that a file says the same
-/// twice.
-pub(super) fn open(
-    task: &str,
-    episode: u64,
-    labels: &[&str],
-    notes: &str,
-    run: &str,
-) -> Result<Store, SceneError> {
-    let identity = format!("{task}\n{episode}\n{}\n{notes}\n{run}", labels.join("\n"));
-    let identity = blake3::hash(identity.as_bytes()).to_hex();
-    let mut store = Store::recording(task, &identity[..32], &format!("{task}, episode {episode}"))?;
-    store.fixed("notes", &TextDocument::from_markdown(notes))?;
-    Ok(store)
 }

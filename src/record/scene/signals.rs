@@ -2,12 +2,36 @@
 
 use re_sdk::EntityPath;
 use re_sdk_types::archetypes::{Scalars, SeriesLines};
-use re_sdk_types::components::{Color, Name, Scalar, StrokeWidth};
+use re_sdk_types::components::{
+    AggregationPolicy, Color, InterpolationMode, Name, Scalar, StrokeWidth,
+};
 
 use crate::units::Seconds;
 
 use super::palette;
 use super::store::{SceneError, Store};
+
+/// What values a quantity can have.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Scale {
+    #[default]
+    Free,
+    /// Between 0 and 1.
+    Share,
+    /// 0 or 1.
+    Flag,
+}
+
+impl Scale {
+    /// What its plot shows from bottom to top, with a little air; `None`: what there is.
+    pub(super) fn range(self) -> Option<[f64; 2]> {
+        match self {
+            Self::Free => None,
+            Self::Share => Some([-0.04, 1.04]),
+            Self::Flag => Some([-0.2, 1.2]),
+        }
+    }
+}
 
 /// A quantity with one or several elements at every step.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -19,6 +43,7 @@ pub struct Signal {
     pub elements: Vec<String>,
     /// Whether it is known only after the step.
     pub after_step: bool,
+    pub scale: Scale,
     /// One row per step.
     pub values: Vec<f64>,
 }
@@ -52,7 +77,13 @@ impl Signal {
         let lines = SeriesLines::update_fields()
             .with_names(self.elements.iter().map(name))
             .with_colors((0..self.elements.len()).map(colour))
-            .with_widths(self.elements.iter().map(|_| StrokeWidth::from(1.5)));
+            .with_widths(self.elements.iter().map(|_| StrokeWidth::from(1.5)))
+            // A mean of what happened would be a value that never was.
+            .with_aggregation_policy(AggregationPolicy::MinMax);
+        let lines = match self.scale {
+            Scale::Flag => lines.with_interpolation_mode(InterpolationMode::StepAfter),
+            Scale::Free | Scale::Share => lines,
+        };
         store.fixed(self.path(take), &lines)
     }
 

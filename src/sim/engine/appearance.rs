@@ -55,6 +55,8 @@ pub struct Shape {
     pub group: i32,
     /// Whether it can touch anything.
     pub collides: bool,
+    /// Whether tendons go round it.
+    pub wraps: bool,
     /// Its mesh, where it is one.
     pub mesh: Option<usize>,
 }
@@ -84,6 +86,8 @@ pub struct Appearance {
     pub shapes: Vec<Shape>,
     pub meshes: Vec<Mesh>,
     pub sites: Vec<Site>,
+    /// For every body whether it can move at all.
+    pub moves: Vec<bool>,
     /// The tendon that each muscle pulls.
     pub muscle_tendons: Vec<Option<usize>>,
 }
@@ -106,6 +110,9 @@ pub(super) struct Looks {
     geom_group: Span<c_int>,
     geom_collides: [Span<c_int>; 2],
     geom_colour: Span<f32>,
+    wrap_type: Span<c_int>,
+    wrap_object: Span<c_int>,
+    body_welded_to: Span<c_int>,
     material_colour: Span<f32>,
     mesh_vertex_start: Span<c_int>,
     mesh_vertex_count: Span<c_int>,
@@ -155,6 +162,9 @@ macro_rules! capture {
                         Span::new(m.geom_conaffinity, m.ngeom, 1),
                     ],
                     geom_colour: Span::new(m.geom_rgba, m.ngeom, 4),
+                    wrap_type: Span::new(m.wrap_type, m.nwrap, 1),
+                    wrap_object: Span::new(m.wrap_objid, m.nwrap, 1),
+                    body_welded_to: Span::new(m.body_weldid, m.nbody, 1),
                     material_colour: Span::new(m.mat_rgba, m.nmat, 4),
                     mesh_vertex_start: Span::new(m.mesh_vertadr, m.nmesh, 1),
                     mesh_vertex_count: Span::new(m.mesh_vertnum, m.nmesh, 1),
@@ -198,6 +208,10 @@ capture!(v3_17_0, super::super::bindings_3_17_0);
 
 /// `mjTRN_TENDON`: the same number in both versions.
 const PULLS_TENDON: c_int = 3;
+/// The body that everything stands in.
+const WORLD: c_int = 0;
+/// `mjWRAP_SPHERE` and `mjWRAP_CYLINDER`: the same numbers in both versions.
+const GOES_ROUND: [c_int; 2] = [4, 5];
 /// What stands for the object at a pulley, which has no place: -2 in both versions.
 const PULLEY: c_int = -2;
 /// What `MuJoCo` colours a shape with that has neither colour nor material. A material's colour counts only beside this.
@@ -216,6 +230,7 @@ impl Simulation {
                     .map(|mesh| triangles(&looks, mesh))
                     .collect(),
                 sites: self.sites(&looks),
+                moves: slice(looks.body_welded_to).iter().map(|&body| body != WORLD).collect(),
                 muscle_tendons: slice(looks.muscle_transmission)
                     .iter()
                     .zip(slice(looks.muscle_target).as_chunks::<2>().0)
@@ -246,6 +261,11 @@ impl Simulation {
                 colour: if is_own { own } else { of_material.unwrap_or(own) },
                 group: slice(looks.geom_group)[geom],
                 collides: looks.geom_collides.iter().any(|mask| slice(*mask)[geom] != 0),
+                wraps: slice(looks.wrap_type).iter().zip(slice(looks.wrap_object)).any(
+                    |(kind, &object)| {
+                        GOES_ROUND.contains(kind) && usize::try_from(object) == Ok(geom)
+                    },
+                ),
                 mesh: usize::try_from(slice(looks.geom_mesh)[geom])
                     .ok()
                     .filter(|_| kind == ShapeKind::Mesh),

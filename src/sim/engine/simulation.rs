@@ -277,6 +277,13 @@ impl Simulation {
     }
 
     /// Shape types of the compiled model, one number of this physics version per shape.
+    #[must_use]
+    pub fn model_geom_type(&self) -> &[c_int] {
+        // SAFETY: the array belongs to this body and lives as long as it does.
+        unsafe { slice(self.model_fields.geom_type) }
+    }
+
+    /// The same, to be written.
     pub fn model_geom_type_mut(&mut self) -> &mut [c_int] {
         // SAFETY: as above.
         unsafe { slice_mut(self.model_fields.geom_type) }

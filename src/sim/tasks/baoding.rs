@@ -22,8 +22,8 @@ use crate::sim::random::Random;
 use crate::sim::rotation::euler_of_matrix;
 
 use super::{
-    BuildResult, RecordedStart, RewardConfiguration, Start, Task, Threshold, Verdict,
-    activation_cost, indicator, norm, row3, start_from,
+    BuildResult, Place, RecordedStart, RewardConfiguration, Start, Target, Task, Threshold,
+    Verdict, activation_cost, indicator, norm, row3, start_from,
 };
 
 /// Distance below which a ball is on its target, m.
@@ -400,6 +400,10 @@ impl Task for Baoding {
             fill.put(&simulation.body_velocity(ball)[..3]);
         }
         fill.put(simulation.activation());
+    }
+
+    fn targets(&self) -> Vec<Target> {
+        self.target_sites.map(|site| Target { place: Place::Site(site), radius: NEAR }).to_vec()
     }
 
     fn judge(&mut self, simulation: &Simulation, components: &mut [f64]) -> Verdict {

@@ -12,8 +12,8 @@ use crate::sim::layout::{Block, Fill, Layout, per_axis, per_joint, per_muscle};
 use crate::sim::random::Random;
 
 use super::{
-    BuildResult, RecordedStart, RewardConfiguration, Rules, Start, Task, Threshold, Verdict,
-    activation_cost, difference, indicator, length, row3, start_from,
+    BuildResult, Place, RecordedStart, RewardConfiguration, Rules, Start, Target, Task, Threshold,
+    Verdict, activation_cost, difference, indicator, length, row3, start_from,
 };
 
 /// Distance per finger below which the tips have reached their targets, m.
@@ -238,6 +238,11 @@ impl Task for FingerReach {
         fill.put_cleaned(simulation.muscle_velocity());
         fill.put_cleaned(simulation.muscle_force());
         fill.put(simulation.activation());
+    }
+
+    fn targets(&self) -> Vec<Target> {
+        let target = |sites: &Sites| Target { place: Place::Site(sites.target), radius: NEAR };
+        self.sites.iter().map(target).collect()
     }
 
     fn judge(&mut self, simulation: &Simulation, components: &mut [f64]) -> Verdict {

@@ -203,6 +203,10 @@ impl Task for JointPose {
         fill.put_cleaned(simulation.muscle_force());
     }
 
+    fn target_pose(&self) -> Option<&[f64]> {
+        Some(&self.target)
+    }
+
     fn judge(&mut self, simulation: &Simulation, components: &mut [f64]) -> Verdict {
         let errors =
             self.target.iter().zip(simulation.qpos()).map(|(target, angle)| target - angle);

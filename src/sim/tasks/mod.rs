@@ -119,9 +119,36 @@ pub trait Task: Send {
     /// Writes everything in [`Layout`] about the current state.
     fn observe(&self, simulation: &Simulation, observation: &mut [f64]);
 
+    /// What is to be reached now, where that has a place.
+    fn targets(&self) -> Vec<Target> {
+        Vec::new()
+    }
+
+    /// The positions of all joints that are to be reached, where that is what is to be reached.
+    fn target_pose(&self) -> Option<&[f64]> {
+        None
+    }
+
     /// Writes the reward components of the current state. Called before [`Task::observe`], so that a goal that moves with
     /// the body is judged where it was and observed where it is.
     fn judge(&mut self, simulation: &Simulation, components: &mut [f64]) -> Verdict;
+}
+
+/// Something to be reached, as one may draw it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Target {
+    pub place: Place,
+    /// What is to be there counts as there within this distance, m.
+    pub radius: f64,
+}
+
+/// Where a target is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Place {
+    /// At a site of the body, which says where that is.
+    Site(usize),
+    /// At a point of the world, m.
+    Point([f64; 3]),
 }
 
 /// Resets the simulation and starts it at rest from `qpos` (`spec/tasks.md` §1.5): everything is cleared, the warm start

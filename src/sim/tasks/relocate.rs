@@ -16,8 +16,8 @@ use crate::sim::random::Random;
 use crate::sim::rotation::{euler_of_matrix, quaternion_of_euler};
 
 use super::{
-    BuildResult, RecordedStart, RewardConfiguration, Start, Task, Threshold, Verdict,
-    activation_cost, difference, indicator, norm, row3, start_from,
+    BuildResult, Place, RecordedStart, RewardConfiguration, Start, Target, Task, Threshold,
+    Verdict, activation_cost, difference, indicator, norm, row3, start_from,
 };
 
 /// Distance of the object from the goal below which it has arrived, m.
@@ -288,6 +288,10 @@ impl Task for Relocate {
         fill.put(&qpos[..ARM_JOINTS - 1]);
         fill.put(&goal_rotation);
         fill.put_difference(&goal_rotation, &rotation);
+    }
+
+    fn targets(&self) -> Vec<Target> {
+        vec![Target { place: Place::Site(self.target_site), radius: ARRIVED }]
     }
 
     fn judge(&mut self, simulation: &Simulation, components: &mut [f64]) -> Verdict {

@@ -32,8 +32,8 @@ use expert_observation::{ExpertObservation, TOUCH_SENSORS, lean};
 use heading::Heading;
 
 use super::{
-    BuildResult, RecordedStart, RewardConfiguration, Start, Task, Threshold, Verdict, indicator,
-    norm, row3,
+    BuildResult, Place, RecordedStart, RewardConfiguration, Start, Target, Task, Threshold,
+    Verdict, indicator, norm, row3,
 };
 
 /// Distance in the plane below which the goal is reached, m.
@@ -322,6 +322,12 @@ impl Task for Walk {
         fill.put(&velocity);
         fill.put_difference(&self.goal, &simulation.qpos()[..3]);
         self.expert.put(simulation, &self.goal, &mut fill);
+    }
+
+    fn targets(&self) -> Vec<Target> {
+        // Only the plane counts, so it is marked where one would stand on it.
+        let [x, y, _] = self.goal;
+        vec![Target { place: Place::Point([x, y, 0.0]), radius: ARRIVED }]
     }
 
     fn judge(&mut self, simulation: &Simulation, components: &mut [f64]) -> Verdict {
