@@ -28,16 +28,15 @@ fn perceptron(
     tasks: &[TaskInterface],
     streams: Streams,
 ) -> Result<(Box<dyn Trainable>, Statistics), TrainError> {
-    let (input, statistics) = match shape.windows {
-        Some(windows) => padded(windows, tasks),
-        None => {
-            let [task] = tasks else {
-                let what = format!("a perceptron learns one task, not {}", tasks.len());
-                return Err(TrainError::Plan { what });
-            };
-            let input = PaddedInput::new(vec![task.clean_observation_length]);
-            (input, Statistics::of_components(task))
-        }
+    let (input, statistics) = if let Some(windows) = shape.windows {
+        padded(windows, tasks)
+    } else {
+        let [task] = tasks else {
+            let what = format!("a perceptron learns one task, not {}", tasks.len());
+            return Err(TrainError::Plan { what });
+        };
+        let input = PaddedInput::new(vec![task.clean_observation_length]);
+        (input, Statistics::of_components(task))
     };
     let settings = MlpSettings {
         input: Some(input),

@@ -25,7 +25,7 @@ pub struct Trainer {
     pub(super) network: Box<dyn Trainable>,
     pub(super) adam: Adam,
     pub(super) collector: Collector,
-    pub(super) streams: Streams,
+    streams: Streams,
     /// Iterations done.
     pub(super) iteration: usize,
     /// Control steps done.

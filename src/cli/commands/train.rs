@@ -64,7 +64,7 @@ pub struct TrainArguments {
     pub(super) reset_std: Option<f64>,
     /// Learning rate, the same in all steps [default: the recipe's]
     #[arg(long, value_name = "X")]
-    pub(super) learning_rate: Option<f64>,
+    learning_rate: Option<f64>,
     /// Whom to imitate: a policy as `--policy` of other commands names it, or `TASK=POLICY` for one task
     #[arg(long, value_name = "[TASK=]POLICY", num_args = 1..)]
     teacher: Vec<String>,
@@ -73,13 +73,13 @@ pub struct TrainArguments {
     recipe: Option<RecipeChoice>,
     /// Another value for one constant of the recipe, e.g. `discount=0.99`
     #[arg(long, value_name = "NAME=VALUE")]
-    pub(super) set: Vec<String>,
+    set: Vec<String>,
     /// Control steps of all environments together
     #[arg(long, value_name = "N", default_value = "1000000")]
     pub(super) steps: NonZeroU64,
     /// Environments for every task that is named [default: the recipe's]
     #[arg(long, value_name = "N")]
-    pub(super) envs: Option<NonZeroUsize>,
+    envs: Option<NonZeroUsize>,
     /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u64,
@@ -145,7 +145,7 @@ impl RegimeChoice {
 
 /// Named constants.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(super) enum RecipeChoice {
+enum RecipeChoice {
     /// Ours: what learns fastest from few steps
     Own,
     /// Those of the published code
@@ -180,6 +180,13 @@ impl NetworkChoice {
 /// Runs the command.
 pub fn run(context: &Context, arguments: &TrainArguments) -> anyhow::Result<Outcome> {
     let word = arguments.regime.word();
+    let of_many = matches!(arguments.regime, RegimeChoice::MtPpo | RegimeChoice::MtSac);
+    if arguments.task_index && !of_many {
+        return Err(Hinted::new(
+            format!("`--task-index` does not belong to `train {word}`"),
+            "the perceptrons of many tasks take it: `train mt-ppo` and `train mt-sac`",
+        ));
+    }
     let regime = match arguments.regime {
         RegimeChoice::Csi => return train_csi::run(context, arguments, &arguments.csi),
         RegimeChoice::MtPpo => return train_many::ppo(context, arguments, word),
@@ -191,12 +198,6 @@ pub fn run(context: &Context, arguments: &TrainArguments) -> anyhow::Result<Outc
         RegimeChoice::FineTune => Regime::FineTuning,
         RegimeChoice::Distill => Regime::SelfDistillation,
     };
-    if arguments.task_index {
-        return Err(Hinted::new(
-            format!("`--task-index` does not belong to `train {word}`"),
-            "the perceptrons of many tasks take it: `train mt-ppo` and `train mt-sac`",
-        ));
-    }
     let start = start(context, arguments, regime)?;
     let network = start.as_ref().map(|start| start.network.clone());
     let network =
@@ -329,17 +330,28 @@ fn recipe(
 }
 
 /// A recipe with everything that was asked to be otherwise.
-pub(super) fn altered(arguments: &TrainArguments, mut recipe: Recipe) -> anyhow::Result<Recipe> {
+pub(super) fn altered(arguments: &TrainArguments, recipe: Recipe) -> anyhow::Result<Recipe> {
+    let recipe: Recipe = assigned(arguments, recipe)?;
+    let reset_deviation = arguments.reset_std.or(recipe.reset_deviation);
+    Ok(Recipe { reset_deviation, ..recipe })
+}
+
+/// A recipe of any algorithm with the constants that were given another value.
+pub(super) fn assigned<R: Serialize + DeserializeOwned>(
+    arguments: &TrainArguments,
+    mut recipe: R,
+) -> anyhow::Result<R> {
     for assignment in &arguments.set {
         recipe = changed(&recipe, assignment)?;
     }
     if let Some(environments) = arguments.envs {
-        recipe.environments = environments.get();
+        recipe = with_constant(&recipe, "environments", json!(environments))
+            .map_err(anyhow::Error::msg)?;
     }
     if let Some(rate) = arguments.learning_rate {
-        recipe.learning_rate = Schedule::Constant(rate);
+        recipe = with_constant(&recipe, "learning_rate", json!(Schedule::Constant(rate)))
+            .map_err(anyhow::Error::msg)?;
     }
-    recipe.reset_deviation = arguments.reset_std.or(recipe.reset_deviation);
     Ok(recipe)
 }
 
@@ -433,20 +445,27 @@ fn teacher(context: &Context, name: &str, tasks: &[&str]) -> anyhow::Result<Teac
 }
 
 /// The recipe with one constant changed.
-pub(super) fn changed<R: Serialize + DeserializeOwned>(
-    recipe: &R,
-    assignment: &str,
-) -> anyhow::Result<R> {
+fn changed<R: Serialize + DeserializeOwned>(recipe: &R, assignment: &str) -> anyhow::Result<R> {
     let hint = "write `--set NAME=VALUE` with a name of the run's `args.json`, e.g. `--set coefficients.clip=0.2`";
     let refuse = |why: String| Hinted::new(format!("`--set {assignment}`: {why}"), hint);
     let (name, value) =
         assignment.split_once('=').ok_or_else(|| refuse("there is no `=`".to_owned()))?;
-    let mut document = serde_json::to_value(recipe)?;
+    let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
+    with_constant(recipe, name, value).map_err(refuse)
+}
+
+/// The recipe with another value for the constant called `name`, or why not.
+fn with_constant<R: Serialize + DeserializeOwned>(
+    recipe: &R,
+    name: &str,
+    value: Value,
+) -> Result<R, String> {
+    let mut document = serde_json::to_value(recipe).map_err(|error| error.to_string())?;
     let place = document
         .pointer_mut(&format!("/{}", name.replace('.', "/")))
-        .ok_or_else(|| refuse("there is no such constant".to_owned()))?;
-    *place = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
-    serde_json::from_value(document).map_err(|error| refuse(error.to_string()))
+        .ok_or_else(|| "there is no such constant".to_owned())?;
+    *place = value;
+    serde_json::from_value(document).map_err(|error| error.to_string())
 }
 
 /// The line that says how a run goes.

@@ -199,7 +199,7 @@ impl Bench<'_> {
         self.context.say(&format!("Training: {}", folder.display()));
         let mut line = Line::new(self.context, &plan);
         Ok(run::train::<Trainer>(plan, &self.machine, &options, &mut |progress| {
-            line.show(progress)
+            line.show(progress);
         })?)
     }
 

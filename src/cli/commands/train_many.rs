@@ -8,7 +8,6 @@ use crate::cli::context::{Context, Outcome};
 use crate::cli::render::Hinted;
 use crate::train::plan::Plan;
 use crate::train::recipe::{NetworkShape, PerceptronShape, Recipe, RecipeName, WindowsShape};
-use crate::train::schedule::Schedule;
 use crate::train::soft::recipe::SoftRecipe;
 use crate::train::soft::trainer::{SoftTrainer, replay_bytes};
 use crate::train::trainer::Trainer;
@@ -61,15 +60,7 @@ pub(super) fn sac(
     }
     let mut recipe = SoftRecipe::new(train::recipe_name(arguments, RecipeName::Published));
     told(arguments, &mut recipe.network.windows);
-    for assignment in &arguments.set {
-        recipe = train::changed(&recipe, assignment)?;
-    }
-    if let Some(environments) = arguments.envs {
-        recipe.environments = environments.get();
-    }
-    if let Some(rate) = arguments.learning_rate {
-        recipe.learning_rate = Schedule::Constant(rate);
-    }
+    let recipe = train::assigned(arguments, recipe)?;
     let tasks = train::tasks(context, arguments, recipe.environments)?;
     train::check_no_teachers(&tasks, word)?;
     let machine = train::machine(context, arguments, &tasks)?;

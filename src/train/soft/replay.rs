@@ -223,7 +223,6 @@ impl Ring {
 }
 
 #[cfg(test)]
-#[expect(clippy::float_cmp, reason = "what is stored is compared")]
 mod tests {
     use super::*;
     use crate::policy::history::History;
@@ -237,7 +236,7 @@ mod tests {
     }
 
     /// Plays episodes of `length` steps in two environments, and remembers every transition in full beside.
-    fn played(buffer: usize, steps: usize, length: usize) -> (Replay, Vec<(Vec<f32>, Vec<f32>)>) {
+    fn played(buffer: usize, steps: usize, length: usize) -> (Replay, Vec<[Vec<f32>; 2]>) {
         let mut replay = Replay::new(buffer, &[2, 2], 1, LAGS).unwrap();
         let mut whole = Vec::new();
         for (seat, ring) in replay.rings.iter_mut().enumerate() {
@@ -250,7 +249,7 @@ mod tests {
                 step += 1;
                 let after = history.push(0, &seen(seat, episode, step)).to_vec();
                 ring.step(&[step as f32], step as f32, step == length, &seen(seat, episode, step));
-                whole.push((before, after));
+                whole.push([before, after]);
                 if step == length {
                     (episode, step) = (episode + 1, 0);
                     history.clear(0);
@@ -273,7 +272,7 @@ mod tests {
                 let (mut before, mut after) = (vec![9.0; 6], vec![9.0; 6]);
                 replay.state(pick, &mut before);
                 replay.next_state(pick, &mut after);
-                let place = whole.iter().position(|(b, a)| *b == before && *a == after);
+                let place = whole.iter().position(|[b, a]| *b == before && *a == after);
                 let place = place.expect("a transition that happened");
                 let step = place % steps % length + 1;
                 assert_eq!(replay.action(pick), [step as f32]);

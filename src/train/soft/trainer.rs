@@ -295,9 +295,9 @@ impl SoftTrainer {
             for (row, is_next) in [(state, false), (next_state, true)] {
                 let windows = &mut raw[..seen];
                 if is_next {
-                    replay.next_state(pick, windows)
+                    replay.next_state(pick, windows);
                 } else {
-                    replay.state(pick, windows)
+                    replay.state(pick, windows);
                 }
                 if let Some(averaged) = averaged {
                     // Padding, too, is scaled by what other tasks have there.

@@ -89,9 +89,9 @@ impl SoftActorCritic {
             losses.actor += share * (temperature * log_probability - f64::from(value));
             losses.log_probability += share * log_probability;
         }
-        for column in 0..rows * width {
+        for (column, &xi) in noise.iter().enumerate() {
             let log = memory.log_deviations[column];
-            let drawn = f64::from(held(log).exp()) * f64::from(noise[column]);
+            let drawn = f64::from(held(log).exp()) * f64::from(xi);
             let a = f64::from(memory.actions[column]);
             let rest = 1.0 - a * a;
             let by_likelihood = 2.0 * a * rest / (rest + SQUASH_EPSILON);
