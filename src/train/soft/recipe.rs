@@ -80,6 +80,7 @@ impl SoftRecipe {
         Self {
             learning_rate: Schedule::Constant(1e-3),
             discount: 0.95,
+            minibatch: 128,
             environments: 4,
             rewards: Rewards::Shaped,
             rollout_steps: 8,
