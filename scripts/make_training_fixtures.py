@@ -3,7 +3,7 @@
 
 For a Stable-Baselines3 policy and for a small muscle transformer, written here with torch's own layers after spec/policy.md, the
 losses of PPO, OBC, BC and others, their gradients, and the parameters after one step of clipped Adam, each from the same
-start. Weights are sines of their place, so that only results need storing. Run from the repository's root:
+start; for Stable-Baselines3's soft actor-critic the same of critics, actor, temperature and targets. Weights are sines of their place, so that only results need storing. Run from the repository's root:
 
     pip install torch==2.2.2 stable-baselines3==2.2.1 gymnasium==0.29.1 'numpy<2'
     python scripts/make_training_fixtures.py
@@ -15,6 +15,8 @@ import gymnasium
 import numpy as np
 import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.utils import polyak_update
+from stable_baselines3.sac.policies import SACPolicy
 from torch import nn
 
 OUT = Path("tests/fixtures/training")
@@ -35,10 +37,10 @@ def wave(count, seed, scale=1.0):
     return (scale * np.sin(0.61 * np.arange(count) + seed)).astype(np.float32)
 
 
-def set_waves(names, tensors):
+def set_waves(names, tensors, first=0):
     """The start: sines, and ones more where a norm multiplies."""
     with torch.no_grad():
-        for seed, (name, tensor) in enumerate(zip(names, tensors)):
+        for seed, (name, tensor) in enumerate(zip(names, tensors), first):
             offset = 1.0 if "norm" in name and name.endswith("weight") else 0.0
             tensor.copy_(torch.from_numpy(offset + wave(tensor.numel(), seed, 0.3)).view(tensor.shape))
             if "embedding" in name:
@@ -211,7 +213,68 @@ def record(name, make):
     np.savez(OUT / f"{name}.npz", **stored)
 
 
+def record_soft():
+    """One update of Stable-Baselines3's soft actor-critic, in its order, with given noise."""
+    states, actions, discount, rate = 5, 3, 0.99, 0.005
+    spaces = [gymnasium.spaces.Box(-1, 1, (n,), np.float32) for n in (states, actions)]
+    policy = SACPolicy(*spaces, lambda _: LEARNING_RATE, net_arch=[7, 6])
+    parts = {"actor": policy.actor, "critic": policy.critic, "target": policy.critic_target}
+    named = {part: dict(module.named_parameters()) for part, module in parts.items()}
+    for first, part in zip((0, 20, 40), parts):
+        set_waves(named[part], named[part].values(), first)
+    log_temperature = torch.tensor([-0.5], requires_grad=True)
+    names = {part: "".join(f"{part}.{n} {list(t.shape)}\n" for n, t in named[part].items()) for part in ("actor", "critic")}
+    (OUT / "soft.txt").write_text(names["actor"] + names["critic"])
+    rows = lambda length, seed: torch.from_numpy(np.stack([wave(length, seed + row) for row in range(BATCH)]))
+    state, next_state, action = rows(states, 10), rows(states, 20), 0.9 * rows(actions, 30)
+    noise, next_noise = rows(actions, 40), rows(actions, 50)
+    reward, goes_on = torch.from_numpy(wave(BATCH, 3.0)).view(-1, 1), torch.ones(BATCH, 1)
+    goes_on[2] = 0.0
+
+    def draw(state, noise):
+        mean, log_deviation, _ = policy.actor.get_action_dist_params(state)
+        distribution = policy.actor.action_dist.proba_distribution(mean, log_deviation)
+        gaussian = mean + torch.exp(log_deviation) * noise
+        return torch.tanh(gaussian), distribution.log_prob(torch.tanh(gaussian), gaussian).view(-1, 1)
+
+    adam = lambda tensors: torch.optim.Adam(tensors, lr=LEARNING_RATE)
+    actor, critic = list(named["actor"].values()), list(named["critic"].values())
+    optimisers = adam(actor), adam(critic), adam([log_temperature])
+    flat = lambda tensors: torch.cat([t.detach().flatten() for t in tensors]).numpy().copy()
+    drawn, density = draw(state, noise)
+    temperature = torch.exp(log_temperature.detach())
+    temperature_loss = -(log_temperature * (density - actions).detach()).mean()
+    optimisers[2].zero_grad()
+    temperature_loss.backward()
+    optimisers[2].step()
+    with torch.no_grad():
+        next_action, next_density = draw(next_state, next_noise)
+        worth = torch.min(torch.cat(policy.critic_target(next_state, next_action), 1), 1, keepdim=True)[0]
+        wanted = reward + goes_on * discount * (worth - temperature * next_density)
+    critic_loss = 0.5 * sum(nn.functional.mse_loss(q, wanted) for q in policy.critic(state, action))
+    optimisers[1].zero_grad()
+    critic_loss.backward()
+    stored = {"critic_gradient": flat(t.grad for t in critic)}
+    before = flat(critic)
+    optimisers[1].step()
+    stored["critic_step"] = flat(critic) - before
+    judged = torch.min(torch.cat(policy.critic(state, drawn), 1), 1, keepdim=True)[0]
+    actor_loss = (temperature * density - judged).mean()
+    optimisers[0].zero_grad()
+    actor_loss.backward()
+    stored["actor_gradient"] = flat(t.grad for t in actor)
+    before = flat(actor)
+    optimisers[0].step()
+    stored["actor_step"] = flat(actor) - before
+    polyak_update(policy.critic.parameters(), policy.critic_target.parameters(), rate)
+    stored["target"] = flat(policy.critic_target.parameters())
+    stored["log_temperature"] = log_temperature.detach().numpy()
+    stored["losses"] = np.array([x.mean().item() for x in (critic_loss, actor_loss, density)])
+    np.savez(OUT / "soft.npz", **stored)
+
+
 OUT.mkdir(parents=True, exist_ok=True)
+record_soft()
 record("mlp", Mlp)
 record("transformer", lambda: Transformer(over_batch=False))
 record("transformer_over_batch", lambda: Transformer(over_batch=True))

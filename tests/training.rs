@@ -53,17 +53,48 @@ fn assert_same(one: &BTreeMap<String, Vec<u8>>, other: &BTreeMap<String, Vec<u8>
     }
 }
 
-/// Whatever is trained, after `first` steps: the same bytes with one thread and three, and after kills at any moment.
+/// A run of two tasks as small: 4 environments, 6 iterations, 3 checkpoints.
+const TINY_OF_TWO: [&str; 12] = [
+    "--task",
+    "elbow_pose,hand_index_reach",
+    "--steps",
+    "768",
+    "--checkpoint-steps",
+    "256",
+    "--evaluation-episodes",
+    "1",
+    "--envs",
+    "2",
+    "--set",
+    "rollout_steps=32",
+];
+
+/// What `words` is for one task.
+fn words_of_two<'a>(regime: &'a [&'a str], threads: &'a str, out: &'a str) -> Vec<&'a str> {
+    let place = ["--threads", threads, "--out", out, "--json", "--quiet"];
+    [&["train"], regime, &TINY_OF_TWO, &["--set", "minibatch=64"], &place].concat()
+}
+
+/// Whatever is trained on one task, after `first` steps.
 fn same_bytes(regime: &[&str], first: i64) {
+    let expected: Vec<i64> = (1..=16).map(|i| first + 128 * i).collect();
+    same_bytes_of(&|threads, out| words(regime, threads, out).join("\n"), &expected);
+}
+
+/// The same bytes with one thread and three, and after kills at any moment. `line` gives the command by threads and folder, a
+/// word in a line; `expected` are the steps at the end of all iterations.
+fn same_bytes_of(line: &dyn Fn(&str, &str) -> String, expected: &[i64]) {
     let bench = Bench::new();
-    bench.json(&words(regime, "1", "undisturbed"));
+    let json = |threads, out| bench.json(&line(threads, out).lines().collect::<Vec<_>>());
+    json("1", "undisturbed");
     let undisturbed = files(&bench, "undisturbed");
     assert!(undisturbed.contains_key("final_model.safetensors"), "{:?}", undisturbed.keys());
-    bench.json(&words(regime, "3", "threads"));
+    json("3", "threads");
     assert_same(&undisturbed, &files(&bench, "threads"), "three threads");
     let mut wait = 40;
     let killed = loop {
-        let mut command = bench.command(&words(regime, "2", "killed"));
+        let line = line("2", "killed");
+        let mut command = bench.command(&line.lines().collect::<Vec<_>>());
         let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
         std::thread::sleep(Duration::from_millis(wait));
         if let Some(status) = child.try_wait().unwrap() {
@@ -81,7 +112,6 @@ fn same_bytes(regime: &[&str], first: i64) {
     let events = read_event_run(&bench.path("killed")).unwrap();
     assert!(events.damaged.is_empty());
     let steps: Vec<i64> = events.solved().unwrap().points.iter().map(|p| p.step).collect();
-    let expected: Vec<i64> = (1..=16).map(|i| first + 128 * i).collect();
     assert_eq!(steps, expected, "every iteration once");
 }
 
@@ -94,6 +124,81 @@ fn a_perceptron_that_learns_from_rewards_gives_the_same_bytes_however_it_runs() 
 fn a_transformer_that_learns_from_a_teacher_gives_the_same_bytes_however_it_runs() {
     let teacher = elbow_policy().display().to_string();
     same_bytes(&["obc", "--network", "xs", "--teacher", &teacher], 0);
+}
+
+#[test]
+fn a_perceptron_of_two_tasks_gives_the_same_bytes_however_it_runs() {
+    let regime = ["mt-ppo", "--set", "epochs=2", "--set", "network.perceptron.hidden=[32]"];
+    let expected: Vec<i64> = (1..=6).map(|i| 128 * i).collect();
+    same_bytes_of(&|threads, out| words_of_two(&regime, threads, out).join("\n"), &expected);
+}
+
+/// A soft actor-critic so small that its buffer goes round.
+const SOFT: [&str; 11] = [
+    "mt-sac",
+    "--task-index",
+    "--set",
+    "start_steps=64",
+    "--set",
+    "buffer=512",
+    "--set",
+    "updates=20",
+    "--set",
+    "network.hidden=[24,24]",
+    "--learning-rate=1e-3",
+];
+
+#[test]
+fn a_soft_actor_critic_gives_the_same_bytes_however_it_runs() {
+    // It begins with 64 steps at random.
+    let expected: Vec<i64> = (0..=6).map(|i| 64 + 128 * i).collect();
+    same_bytes_of(&|threads, out| words_of_two(&SOFT, threads, out).join("\n"), &expected);
+}
+
+#[test]
+fn a_soft_actor_critic_leaves_a_policy_that_plays_and_only_its_newest_buffer() {
+    let bench = Bench::new();
+    let document = bench.json(&words_of_two(&SOFT, "2", "run"));
+    let policy = document["policy"].as_str().unwrap();
+    let play = ["--task", "hand_index_reach", "--episodes", "2", "--quiet", "--json"];
+    let evaluated = bench.json(&[&["evaluate", "--policy", policy], &play[..]].concat());
+    assert_eq!(evaluated["tasks"]["hand_index_reach"]["solved_fraction"]["n"], 2);
+    let buffers: Vec<String> =
+        files(&bench, "run").into_keys().filter(|name| name.starts_with("replay_")).collect();
+    assert_eq!(buffers, ["replay_832.bin"]);
+    assert!(curve(&bench, "run", "train/critic_loss")[1..].iter().all(|loss| *loss > 0.0));
+    let temperatures = curve(&bench, "run", "train/ent_coef");
+    assert!((temperatures[0] - 1.0).abs() < 1e-12, "nothing is learned at random");
+    assert!(temperatures[6] < 1.0, "a new policy is more random than is wanted: {temperatures:?}");
+
+    // A damaged buffer is refused, and the run it belongs to stays as it is.
+    let path = bench.path("run/replay_832.bin");
+    let mut bytes = std::fs::read(&path).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    bench.write("run/replay_832.bin", &bytes);
+    let longer = words_of_two(&SOFT, "2", "run").join("\n").replace("\n768\n", "\n1024\n");
+    let refused = bench.run(&longer.lines().collect::<Vec<_>>());
+    assert_eq!(refused.code, 1);
+    assert!(
+        refused.stderr.contains("the stored replay buffer cannot belong"),
+        "{}",
+        refused.stderr
+    );
+}
+
+#[test]
+fn published_statistics_of_the_soft_actor_critic_are_another_run() {
+    let bench = Bench::new();
+    let short = |regime: &[&str], out: &str| {
+        words_of_two(regime, "2", out).join("\n").replace("\n768\n", "\n320\n")
+    };
+    bench.json(&short(&SOFT, "own").lines().collect::<Vec<_>>());
+    let averaged = [&SOFT[..], &["--set", "averaged_statistics=true"]].concat();
+    bench.json(&short(&averaged, "averaged").lines().collect::<Vec<_>>());
+    // What is played at random is the same; what is learned from it is not.
+    let [own, averaged] = ["own", "averaged"].map(|out| curve(&bench, out, "train/critic_loss")[1]);
+    assert!((own / averaged - 1.0).abs() > 1e-3, "{own}, {averaged}");
 }
 
 /// A column of the curves of the run in `out`.
@@ -247,7 +352,13 @@ fn what_makes_no_sense_is_refused_with_the_way_out() {
     let bench = Bench::new();
     let elbow = ["--task", "elbow_pose", "--quiet"];
     let teacher = elbow_policy().display().to_string();
-    let cases: [(&[&str], &str); 6] = [
+    let cases: [(&[&str], &str); 12] = [
+        (&["ppo", "--task-index"], "`--task-index` does not belong to `train ppo`"),
+        (&["mt-ppo", "--network", "xs"], "trains a perceptron of its own"),
+        (&["mt-ppo", "--teacher", &teacher], "asks no teacher"),
+        (&["mt-sac", "--from", &teacher], "begins with nothing but its own folder"),
+        (&["mt-sac", "--set", "lambda=0.9"], "there is no such constant"),
+        (&["mt-sac", "--set", "buffer=many"], "--set buffer=many"),
         (&["ppo", "--set", "discount"], "there is no `=`"),
         (&["ppo", "--set", "discounts=1"], "there is no such constant"),
         (&["ppo", "--set", "discount=much"], "--set discount=much"),

@@ -59,6 +59,8 @@ pub enum PolicyError {
     UntrainedTask { task: String, trained: String },
     #[error("the vocabulary cannot be used: {what}")]
     Vocabulary { what: String },
+    #[error("the policy is told which of its tasks it plays, {trained}; `{task}` is none of them")]
+    NotInIndex { task: String, trained: String },
     #[error("the checkpoint does not say {what}, which cannot be guessed")]
     Missing { what: &'static str },
     #[error("{source_name} says {what}: {said}, but it is {found}")]

@@ -154,6 +154,16 @@ impl Body {
         self.history.windows(0)
     }
 
+    /// The newest observation, raw.
+    pub(super) fn raw(&self) -> &[f32] {
+        &self.raw
+    }
+
+    /// What the network chose last, padding included; muscles held between −1 and 1.
+    pub(super) fn action(&self) -> &[f32] {
+        &self.action
+    }
+
     /// Normalises what the network sees next.
     pub(super) fn see(&mut self, statistics: &Statistics) {
         statistics.normalise(self.task, self.history.windows(0), &mut self.observation);

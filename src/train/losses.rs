@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Sample;
 use super::distribution::Distribution;
+use super::shards::Sum;
 
 /// Added to the standard deviation of advantages.
 const DEVIATION_EPSILON: f64 = 1e-8;
@@ -87,8 +88,8 @@ pub struct Losses {
     pub clip_fraction: f64,
 }
 
-impl Losses {
-    pub(super) fn add(&mut self, other: &Self) {
+impl Sum for Losses {
+    fn add(&mut self, other: &Self) {
         self.total += other.total;
         self.policy_gradient += other.policy_gradient;
         self.value += other.value;
@@ -97,7 +98,9 @@ impl Losses {
         self.approximate_divergence += other.approximate_divergence;
         self.clip_fraction += other.clip_fraction;
     }
+}
 
+impl Losses {
     /// The mean, where this is a sum over `count` minibatches.
     #[cfg(feature = "play")]
     pub(super) fn over(self, count: f64) -> Self {

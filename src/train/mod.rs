@@ -8,6 +8,8 @@
 //! * [`shards`]: a minibatch is cut into parts that do not depend on the number of threads, and their gradients are added
 //!   in order, so that the same bytes come out on any machine with the same vector instructions.
 //! * [`adam`]: one step along the gradient.
+//! * [`trainer`] learns from what the policy did last, [`soft`] from all that is remembered; [`learner`] is what a run of
+//!   either can do.
 
 pub mod adam;
 pub mod advantages;
@@ -23,9 +25,13 @@ pub mod distribution;
 #[cfg(feature = "play")]
 mod evaluation;
 pub mod initialisation;
+#[cfg(feature = "play")]
+pub mod learner;
 pub mod losses;
 pub mod network;
 pub mod parameters;
+#[cfg(feature = "play")]
+pub mod plan;
 #[cfg(feature = "play")]
 pub mod recipe;
 pub mod reward_normaliser;
@@ -33,6 +39,8 @@ pub mod reward_normaliser;
 pub mod run;
 pub mod schedule;
 pub mod shards;
+#[cfg(feature = "play")]
+pub mod soft;
 #[cfg(feature = "play")]
 pub mod start;
 #[cfg(feature = "play")]

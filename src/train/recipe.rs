@@ -124,6 +124,19 @@ pub struct PerceptronShape {
     /// A control subspace that mean actions are projected onto.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub subspace: Option<SubspaceShape>,
+    /// Several tasks, whose windows are padded to the largest; else one task and its clean vector.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub windows: Option<WindowsShape>,
+}
+
+/// What a perceptron sees of several tasks (`spec/policy.md` §2.5).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WindowsShape {
+    /// Observations that a window holds.
+    pub lags: usize,
+    /// Whether it sees which task it plays: the article's intent, which the published code does not follow.
+    pub task_index: bool,
 }
 
 /// A control subspace (`spec/policy.md` §2.4).
@@ -311,6 +324,34 @@ impl Recipe {
         }
     }
 
+    /// Rewards of many tasks for one perceptron (`spec/training.md` §5.10). The published constants are those of
+    /// Stable-Baselines3; the article adds the index of the task; ours are those for one task.
+    #[must_use]
+    pub fn of_many_tasks(name: RecipeName) -> Self {
+        let windows = WindowsShape { lags: 6, task_index: name == RecipeName::Paper };
+        let shape = PerceptronShape {
+            hidden: vec![512, 512],
+            activation: Activation::Tanh,
+            windows: Some(windows),
+            ..Default::default()
+        };
+        let base = Self::published(Regime::Ppo, NetworkShape::Perceptron(shape));
+        if name == RecipeName::Own {
+            return base.own(Regime::Ppo);
+        }
+        Self {
+            coefficients: Coefficients { entropy: 0.0, clip: 0.2, ..base.coefficients },
+            learning_rate: Schedule::Constant(1e-5),
+            lambda: 0.95,
+            gradient_norm: 0.5,
+            rollout_steps: 256,
+            minibatch: 256,
+            epochs: 10,
+            rewards: Rewards::Sparse,
+            ..base
+        }
+    }
+
     /// γ and λ together.
     #[must_use]
     pub fn discounts(&self) -> Discount {
@@ -326,6 +367,7 @@ impl Default for PerceptronShape {
             log_deviation: 0.0,
             lattice: false,
             subspace: None,
+            windows: None,
         }
     }
 }

@@ -126,6 +126,14 @@ impl RewardNormaliser {
         (reward / (variance + EPSILON).sqrt()).clamp(-CLIP, CLIP)
     }
 
+    /// The reward scaled by the mean of all groups' variances, whatever environment it is of.
+    #[must_use]
+    pub fn scale_by_mean(&self, reward: f64) -> f64 {
+        let sum: f64 = self.statistics.iter().map(|group| group.variance).sum();
+        let variance = sum / self.statistics.len() as f64;
+        (reward / (variance + EPSILON).sqrt()).clamp(-CLIP, CLIP)
+    }
+
     /// An episode of this environment is over.
     pub fn end_episode(&mut self, environment: usize) {
         self.returns[environment] = 0.0;
@@ -169,6 +177,9 @@ mod tests {
         assert!(normaliser.scale(1, 1.0) < 0.1 * normaliser.scale(0, 1.0));
         assert!((normaliser.scale(0, 1e9) - 10.0).abs() < 1e-12);
         assert!((normaliser.scale(0, -1e9) + 10.0).abs() < 1e-12);
+        let [first, second] = [0, 1].map(|group| normaliser.statistics()[group].variance);
+        let expected = 0.5 / (f64::midpoint(first, second) + 1e-8).sqrt();
+        assert!((normaliser.scale_by_mean(0.5) - expected).abs() < 1e-12);
     }
 
     #[test]

@@ -14,11 +14,13 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::TrainError;
 use super::curves::Curves;
-use super::trainer::{Plan, Report, Trainer};
+use super::learner::{Learner, Report};
+use super::plan::Plan;
 use crate::files;
 use crate::policy::export;
 use crate::sim::rollout::Machine;
@@ -52,8 +54,8 @@ pub struct Progress<'a> {
 }
 
 /// Trains by `plan`, or goes on with what the folder holds of it. Returns the file of the trained policy.
-pub fn train(
-    plan: Plan,
+pub fn train<L: Learner>(
+    plan: Plan<L::Recipe>,
     machine: &Machine,
     options: &RunOptions,
     told: &mut dyn FnMut(&Progress<'_>),
@@ -61,7 +63,7 @@ pub fn train(
     files::create_folder(&options.folder)?;
     let arguments = arguments(&plan, options);
     check_arguments(&options.folder, &arguments)?;
-    let mut trainer = Trainer::new(plan, &machine.bodies)?;
+    let mut trainer = L::new(plan, &machine.bodies)?;
     let state = options.folder.join(STATE);
     if state.is_file() {
         trainer.restore(&state)?;
@@ -99,7 +101,7 @@ pub fn train(
 }
 
 /// What decides the result, and how often it is looked at.
-fn arguments(plan: &Plan, options: &RunOptions) -> Value {
+fn arguments<R: Serialize>(plan: &Plan<R>, options: &RunOptions) -> Value {
     let mut document = json!({"program": concat!("arnold-analyze ", env!("CARGO_PKG_VERSION"))});
     if let (Value::Object(all), Value::Object(plan)) = (&mut document, plan.document()) {
         all.extend(plan);
@@ -128,15 +130,14 @@ fn check_arguments(folder: &Path, wanted: &Value) -> Result<(), TrainError> {
     Ok(())
 }
 
-fn write_policy(trainer: &Trainer, path: &Path, arguments: &Value) -> Result<(), TrainError> {
+fn write_policy<L: Learner>(trainer: &L, path: &Path, arguments: &Value) -> Result<(), TrainError> {
     let (checkpoint, normaliser) = trainer.policy();
     let provenance = json!({"training": arguments, "steps": trainer.steps()});
     Ok(export::write_trained(path, &checkpoint, &normaliser, provenance)?)
 }
 
 /// One row of the curves.
-fn row(plan: &Plan, report: &Report, evaluation: Option<&[f64]>) -> Vec<(String, f64)> {
-    let losses = &report.losses;
+fn row<R>(plan: &Plan<R>, report: &Report, evaluation: Option<&[f64]>) -> Vec<(String, f64)> {
     let mut row: Vec<(String, f64)> = Vec::new();
     for (task, (solved, components)) in
         plan.tasks.iter().zip(report.solved.iter().zip(&report.components))
@@ -150,21 +151,11 @@ fn row(plan: &Plan, report: &Report, evaluation: Option<&[f64]>) -> Vec<(String,
         row.push((format!("evaluation/{}/solved_fraction", task.definition.name), *fraction));
     }
     let undefined = |value: Option<f64>| value.unwrap_or(f64::NAN);
-    let scalars = [
+    let episodes = [
         ("rollout/ep_rew_mean", undefined(report.episode_reward)),
         ("rollout/ep_len_mean", undefined(report.episode_length)),
-        ("train/loss", losses.total),
-        ("train/policy_gradient_loss", losses.policy_gradient),
-        ("train/value_loss", losses.value),
-        ("train/entropy_loss", losses.entropy),
-        ("train/imitation_loss", losses.imitation),
-        ("train/approx_kl", losses.approximate_divergence),
-        ("train/clip_fraction", losses.clip_fraction),
-        ("train/explained_variance", undefined(report.explained_variance)),
-        ("train/gradient_norm", report.gradient_norm),
-        ("train/std", undefined(report.deviation)),
-        ("train/learning_rate", report.learning_rate),
     ];
+    let scalars = episodes.into_iter().chain(report.training.iter().copied());
     row.extend(scalars.map(|(name, value)| (name.to_owned(), value)));
     row
 }

@@ -7,10 +7,26 @@
 use std::ops::Range;
 use std::sync::{Condvar, Mutex, PoisonError};
 
-use super::losses::Losses;
-
 /// Shards of a minibatch, at most.
 const SHARDS: usize = 16;
+
+/// Rows that a product of dense layers needs to be worth its while.
+const SMALLEST_DENSE: usize = 16;
+/// The same for networks of many parameters: there the sums of a shard are most of the work, not its products.
+const SMALLEST_DENSE_OF_MANY: usize = 64;
+/// Parameters from which on they are.
+const MANY_PARAMETERS: usize = 1 << 20;
+
+/// Fewest samples in a shard of dense layers with so many parameters.
+#[must_use]
+pub fn smallest_of_dense(parameters: usize) -> usize {
+    if parameters < MANY_PARAMETERS { SMALLEST_DENSE } else { SMALLEST_DENSE_OF_MANY }
+}
+
+/// What a shard shows beside its derivatives, added up in the order of shards.
+pub trait Sum: Default + Send {
+    fn add(&mut self, other: &Self);
+}
 
 /// The samples of each shard, for a minibatch of `samples` cut into parts of at least `smallest`.
 #[must_use]
@@ -20,21 +36,21 @@ pub fn shards(samples: usize, smallest: usize) -> Vec<Range<usize>> {
 }
 
 /// What has been added up, and how many shards it holds.
-struct Sum<'a> {
+struct Total<'a, L> {
     row: &'a mut [f32],
-    losses: Losses,
+    losses: L,
     next: usize,
     /// A thread has panicked: its shard will never come, and nobody may wait for it.
     abandoned: bool,
 }
 
 /// Tells the other threads when its own unwinds.
-struct Watch<'a, 'b> {
-    sum: &'a Mutex<Sum<'b>>,
+struct Watch<'a, 'b, L> {
+    sum: &'a Mutex<Total<'b, L>>,
     turn: &'a Condvar,
 }
 
-impl Drop for Watch<'_, '_> {
+impl<L> Drop for Watch<'_, '_, L> {
     fn drop(&mut self) {
         if std::thread::panicking() {
             self.sum.lock().unwrap_or_else(PoisonError::into_inner).abandoned = true;
@@ -45,16 +61,16 @@ impl Drop for Watch<'_, '_> {
 
 /// Adds up what `work` sums for every shard. `work` gets memory that `memory` made for its thread, a shard, and a row of
 /// zeros as long as `sum`, which it adds to.
-pub fn sum_over_shards<M>(
+pub fn sum_over_shards<M, L: Sum>(
     shards: &[Range<usize>],
     threads: usize,
     sum: &mut [f32],
     memory: impl Fn() -> M + Sync,
-    work: impl Fn(&mut M, Range<usize>, &mut [f32]) -> Losses + Sync,
-) -> Losses {
+    work: impl Fn(&mut M, Range<usize>, &mut [f32]) -> L + Sync,
+) -> L {
     sum.fill(0.0);
     let length = sum.len();
-    let shared = Mutex::new(Sum { row: sum, losses: Losses::default(), next: 0, abandoned: false });
+    let shared = Mutex::new(Total { row: sum, losses: L::default(), next: 0, abandoned: false });
     let turn = Condvar::new();
     let next = std::sync::atomic::AtomicUsize::new(0);
     let run = || {
@@ -89,6 +105,7 @@ pub fn sum_over_shards<M>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::train::Losses;
 
     #[test]
     fn shards_cover_every_sample_once_and_are_not_too_small() {

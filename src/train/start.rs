@@ -9,17 +9,17 @@ use serde_json::Value;
 use super::TrainError;
 use super::adam::{Adam, AdamSettings};
 use super::checkpoints::{OPTIMISER, PARAMETER, tensors_under, whole_numbers};
-use super::recipe::{NetworkShape, PerceptronShape, TransformerShape};
+use super::recipe::{NetworkShape, PerceptronShape, TransformerShape, WindowsShape};
 use super::reward_normaliser::{Returns, RewardNormaliser};
 use super::run::{ARGUMENTS, LARGEST_ARGUMENTS, STATE};
 use super::statistics::Statistics;
 use crate::files;
 use crate::npz::Arrays;
-use crate::policy::checkpoint::contents::{Checkpoint, Format, Normaliser, TensorMap};
+use crate::policy::checkpoint::contents::{Format, Normaliser, Scalars, TensorMap};
 use crate::policy::running_components::RunningComponents;
-use crate::policy::{self, shelf};
+use crate::policy::{self, Stored, shelf};
 use crate::sim::tasks;
-use crate::train::Parameters;
+use crate::train::{Parameters, Trainable};
 
 /// No run is longer: so sums of step counts stay numbers.
 const MOST_STEPS: u64 = 1 << 53;
@@ -36,6 +36,8 @@ pub struct Start {
     pub steps: u64,
     pub network: NetworkShape,
     tensors: TensorMap,
+    /// Tasks whose places it sees.
+    task_index: Vec<String>,
     normaliser: Option<Normaliser>,
     memory: Option<Memory>,
 }
@@ -60,7 +62,7 @@ impl Start {
             .and_then(|all| serde_json::from_value(all["recipe"]["network"].clone()).ok());
         let network = match own {
             Some(network) => network,
-            None => shape_of(&stored.checkpoint)?,
+            None => shape_of(&stored)?,
         };
         let tensors = stored.checkpoint.tensors;
         let state = file.with_file_name(STATE);
@@ -95,6 +97,7 @@ impl Start {
             steps,
             network,
             tensors,
+            task_index: stored.checkpoint.scalars.task_index,
             normaliser: stored.normaliser,
             memory,
         })
@@ -123,8 +126,17 @@ impl Start {
         self.memory.is_some()
     }
 
-    pub(super) fn write_parameters(&self, parameters: &mut Parameters) -> Result<(), TrainError> {
-        parameters.read(&self.tensors)
+    pub(super) fn write_parameters(&self, network: &mut dyn Trainable) -> Result<(), TrainError> {
+        let (_, Scalars { task_index, .. }) = network.description();
+        if task_index != self.task_index {
+            let what = format!(
+                "the checkpoint is told which task it plays of [{}], this run has [{}]",
+                files::printable(&self.task_index.join(", ")),
+                task_index.join(", ")
+            );
+            return Err(TrainError::Plan { what });
+        }
+        network.parameters_mut().read(&self.tensors)
     }
 
     /// Puts its statistics of observations, if there are any, in the place of `statistics`.
@@ -195,7 +207,8 @@ fn identifiers(names: &[String]) -> Vec<String> {
 }
 
 /// What a network is made of, by its tensors.
-fn shape_of(checkpoint: &Checkpoint) -> Result<NetworkShape, TrainError> {
+fn shape_of(stored: &Stored) -> Result<NetworkShape, TrainError> {
+    let checkpoint = &stored.checkpoint;
     let shape = |name: &str| checkpoint.tensors.get(name).map(|tensor| tensor.shape.as_slice());
     let layers = |name: &dyn Fn(usize) -> String| -> Vec<usize> {
         (0..).map_while(|k| shape(&name(k))?.first().copied()).collect()
@@ -231,6 +244,13 @@ fn shape_of(checkpoint: &Checkpoint) -> Result<NetworkShape, TrainError> {
                 log_deviation: if lattice { exploration.log_scale } else { log_deviation },
                 lattice,
                 subspace: None,
+                windows: match &stored.normaliser {
+                    Some(Normaliser::PerSignature(statistics)) => Some(WindowsShape {
+                        lags: statistics.lags,
+                        task_index: !scalars.task_index.is_empty(),
+                    }),
+                    _ => None,
+                },
             }));
         }
         _ => {}

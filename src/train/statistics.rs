@@ -74,6 +74,30 @@ impl Statistics {
         }
     }
 
+    /// Statistics of a padded row of `longest` numbers, averaged over environments of `tasks`: mean of means, mean of variances.
+    /// Padding counts as what is never seen, with mean 0 and variance 1.
+    pub(super) fn averaged(
+        &self,
+        tasks: &[usize],
+        longest: usize,
+    ) -> Result<RunningComponents, TrainError> {
+        let Self::Signatures { statistics, lags, rows } = self else {
+            let what = "averages over tasks are of padded windows".to_owned();
+            return Err(TrainError::Plan { what });
+        };
+        let [means, variances, _] = statistics.numbers();
+        let (mut mean, mut variance) = (vec![0.0; longest], vec![0.0; longest]);
+        for &task in tasks {
+            for place in 0..longest {
+                let row = rows[task].get(place / lags).copied().unwrap_or(0);
+                let cell = row * lags + place % lags;
+                mean[place] += means[cell] / tasks.len() as f64;
+                variance[place] += variances[cell] / tasks.len() as f64;
+            }
+        }
+        Ok(RunningComponents::restore(mean, variance, 1.0)?)
+    }
+
     /// As a policy stores them.
     pub(super) fn to_stored(&self) -> Normaliser {
         match self {
@@ -104,5 +128,33 @@ impl Statistics {
             Self::Signatures { statistics, .. } => statistics.restore(numbers)?,
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn averages_over_environments_take_padding_for_what_is_never_seen() {
+        let task = |name: &str, sensors: usize| TaskInterface {
+            task: name.to_owned(),
+            muscle_count: 1,
+            muscle_observation_length: sensors,
+            clean_observation_length: sensors,
+            observation_words: (0..sensors).map(|i| vec![2 + i as u16]).collect(),
+            action_words: Vec::new(),
+            muscle_models: Vec::new(),
+        };
+        let mut statistics = Statistics::of_signatures(&[task("a", 1), task("b", 2)], 1);
+        let (mean, variance) = (vec![0.0, 3.0, 6.0], vec![1.0, 4.0, 10.0]);
+        statistics.restore([mean, variance, vec![1e-4, 5.0, 7.0]]).unwrap();
+        // Two environments of `a` and one of `b`; the second sensor of `a` is padding.
+        let averaged = statistics.averaged(&[0, 0, 1], 2).unwrap();
+        let close = |found: &[f64], expected: [f64; 2]| {
+            found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12)
+        };
+        assert!(close(averaged.mean(), [3.0, 2.0]), "{:?}", averaged.mean());
+        assert!(close(averaged.variance(), [4.0, 4.0]), "{:?}", averaged.variance());
     }
 }

@@ -54,6 +54,8 @@ pub mod train;
 #[cfg(feature = "play")]
 mod train_csi;
 #[cfg(feature = "play")]
+mod train_many;
+#[cfg(feature = "play")]
 pub mod verify;
 #[cfg(feature = "view")]
 pub mod view;

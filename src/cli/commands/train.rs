@@ -7,6 +7,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use clap::{Args, ValueEnum};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
 use crate::assets::{Cache, Part, PhysicsVersion};
@@ -19,6 +21,8 @@ use crate::policy::shelf::{self, Choice};
 use crate::sim::bodies::Bodies;
 use crate::sim::rollout::Machine;
 use crate::sim::tasks;
+use crate::train::learner::Learner;
+use crate::train::plan::{Plan, TaskPlan};
 use crate::train::recipe::{
     NetworkShape, PerceptronShape, Recipe, RecipeName, Regime, TransformerShape, TransformerSize,
 };
@@ -26,40 +30,47 @@ use crate::train::run::{self, Progress, RunOptions};
 use crate::train::schedule::Schedule;
 use crate::train::start::Start;
 use crate::train::teacher::TeacherPolicy;
-use crate::train::trainer::{Plan, TaskPlan};
+use crate::train::trainer::Trainer;
 
 use super::train_csi::{self, CsiArguments};
+use super::train_many;
 
 /// How often a line is printed.
 const LINE_INTERVAL: Duration = Duration::from_secs(30);
+/// Tasks that a line names; of more it says the mean.
+const NAMED_TASKS: usize = 4;
 
 /// Arguments of `train`.
 #[derive(Debug, Args)]
 pub struct TrainArguments {
     /// What is learned from
     regime: RegimeChoice,
-    /// Tasks to train on; one that is named twice has twice as many environments
+    /// Tasks to train on, or `all` or `hand` of the paper's; one that is named twice has twice as many environments
     #[arg(long, value_name = "NAME", num_args = 1.., value_delimiter = ',', required = true)]
     task: Vec<String>,
     /// Network: a perceptron for one task, or the muscle transformer in one of the published sizes
     /// [default: mlp, or that of `--from`]
     #[arg(long, value_name = "NAME", conflicts_with = "from")]
-    network: Option<NetworkChoice>,
+    pub(super) network: Option<NetworkChoice>,
+    /// `mt-ppo` and `mt-sac`: the perceptron sees which task it plays, as the paper says; the published ones do not, and
+    /// their numbers are reproduced without
+    #[arg(long)]
+    pub(super) task_index: bool,
     /// What to begin with: the folder of a run, whose optimiser goes on as well, or a checkpoint. Tasks may be others
     #[arg(long, value_name = "PATH")]
     pub(super) from: Option<PathBuf>,
     /// Logarithm of the standard deviation of actions to begin with, whatever the checkpoint has
     #[arg(long, value_name = "X", allow_negative_numbers = true)]
-    reset_std: Option<f64>,
+    pub(super) reset_std: Option<f64>,
     /// Learning rate, the same in all steps [default: the recipe's]
     #[arg(long, value_name = "X")]
     learning_rate: Option<f64>,
     /// Whom to imitate: a policy as `--policy` of other commands names it, or `TASK=POLICY` for one task
     #[arg(long, value_name = "[TASK=]POLICY", num_args = 1..)]
     teacher: Vec<String>,
-    /// Constants of the training
-    #[arg(long, value_name = "NAME", default_value = "own")]
-    recipe: RecipeChoice,
+    /// Constants of the training [default: own; of `mt-ppo` and `mt-sac` published]
+    #[arg(long, value_name = "NAME")]
+    recipe: Option<RecipeChoice>,
     /// Another value for one constant of the recipe, e.g. `discount=0.99`
     #[arg(long, value_name = "NAME=VALUE")]
     set: Vec<String>,
@@ -109,21 +120,26 @@ enum RegimeChoice {
     Distill,
     /// A teacher, then the same again and rewards inside control subspaces of few dimensions
     Csi,
+    /// Rewards of many tasks, by proximal policy optimisation of one perceptron
+    MtPpo,
+    /// Rewards of many tasks, by a soft actor-critic of perceptrons
+    MtSac,
 }
 
 impl RegimeChoice {
-    /// Its name, and what it is if it is a single run.
-    fn meaning(self) -> (&'static str, Option<Regime>) {
-        let (word, regime) = match self {
-            Self::Csi => return ("csi", None),
-            Self::Ppo => ("ppo", Regime::Ppo),
-            Self::Bc => ("bc", Regime::BehaviouralCloning),
-            Self::Obc => ("obc", Regime::OnlineBehaviouralCloning),
-            Self::ObcPpo => ("obc-ppo", Regime::CloningAndRewards),
-            Self::FineTune => ("fine-tune", Regime::FineTuning),
-            Self::Distill => ("distill", Regime::SelfDistillation),
-        };
-        (word, Some(regime))
+    /// What it is called on the command line.
+    fn word(self) -> &'static str {
+        match self {
+            Self::Ppo => "ppo",
+            Self::Bc => "bc",
+            Self::Obc => "obc",
+            Self::ObcPpo => "obc-ppo",
+            Self::FineTune => "fine-tune",
+            Self::Distill => "distill",
+            Self::Csi => "csi",
+            Self::MtPpo => "mt-ppo",
+            Self::MtSac => "mt-sac",
+        }
     }
 }
 
@@ -140,7 +156,7 @@ enum RecipeChoice {
 
 /// Networks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum NetworkChoice {
+pub(super) enum NetworkChoice {
     Mlp,
     Xs,
     S,
@@ -163,9 +179,24 @@ impl NetworkChoice {
 
 /// Runs the command.
 pub fn run(context: &Context, arguments: &TrainArguments) -> anyhow::Result<Outcome> {
-    let (word, regime) = arguments.regime.meaning();
-    let Some(regime) = regime else {
-        return train_csi::run(context, arguments, &arguments.csi);
+    let word = arguments.regime.word();
+    let of_many = matches!(arguments.regime, RegimeChoice::MtPpo | RegimeChoice::MtSac);
+    if arguments.task_index && !of_many {
+        return Err(Hinted::new(
+            format!("`--task-index` does not belong to `train {word}`"),
+            "the perceptrons of many tasks take it: `train mt-ppo` and `train mt-sac`",
+        ));
+    }
+    let regime = match arguments.regime {
+        RegimeChoice::Csi => return train_csi::run(context, arguments, &arguments.csi),
+        RegimeChoice::MtPpo => return train_many::ppo(context, arguments, word),
+        RegimeChoice::MtSac => return train_many::sac(context, arguments, word),
+        RegimeChoice::Ppo => Regime::Ppo,
+        RegimeChoice::Bc => Regime::BehaviouralCloning,
+        RegimeChoice::Obc => Regime::OnlineBehaviouralCloning,
+        RegimeChoice::ObcPpo => Regime::CloningAndRewards,
+        RegimeChoice::FineTune => Regime::FineTuning,
+        RegimeChoice::Distill => Regime::SelfDistillation,
     };
     let start = start(context, arguments, regime)?;
     let network = start.as_ref().map(|start| start.network.clone());
@@ -173,14 +204,10 @@ pub fn run(context: &Context, arguments: &TrainArguments) -> anyhow::Result<Outc
         network.unwrap_or_else(|| arguments.network.unwrap_or(NetworkChoice::Mlp).shape());
     let recipe = recipe(arguments, regime, network)?;
     let tasks = tasks(context, arguments, recipe.environments)?;
-    if !recipe.coefficients.imitates() && tasks.iter().any(|task| task.teacher.is_some()) {
-        return Err(Hinted::new(
-            format!("`train {word}` learns from rewards and asks no teacher"),
-            "leave `--teacher` out, or use `train obc` or `train obc-ppo`",
-        ));
-    }
     if recipe.coefficients.imitates() {
         check_teachers(&tasks)?;
+    } else {
+        check_no_teachers(&tasks, word)?;
     }
     if regime == Regime::FineTuning && tasks.len() > 1 {
         return Err(Hinted::new(
@@ -191,10 +218,24 @@ pub fn run(context: &Context, arguments: &TrainArguments) -> anyhow::Result<Outc
     let (seed, total_steps) = (arguments.seed, arguments.steps.get());
     let plan = Plan { tasks, recipe, seed, total_steps, start };
     let machine = machine(context, arguments, &plan.tasks)?;
+    carry_out::<Trainer>(context, arguments, word, plan, &machine)
+}
+
+/// Trains by `plan`, and says how it went.
+pub(super) fn carry_out<L: Learner>(
+    context: &Context,
+    arguments: &TrainArguments,
+    word: &str,
+    plan: Plan<L::Recipe>,
+    machine: &Machine,
+) -> anyhow::Result<Outcome> {
     let names: Vec<&str> = plan.tasks.iter().map(|task| task.definition.name).collect();
-    let folder = arguments.out.clone().unwrap_or_else(|| {
-        format!("runs/train-{word}-{}-seed_{}", names.join("+"), arguments.seed).into()
-    });
+    let every = names.iter().eq(tasks::ALL.iter().map(|task| &task.name));
+    let place = if every { "all".to_owned() } else { names.join("+") };
+    let folder = arguments
+        .out
+        .clone()
+        .unwrap_or_else(|| format!("runs/train-{word}-{place}-seed_{}", arguments.seed).into());
     let options = RunOptions {
         folder: folder.clone(),
         physics: arguments.physics.to_string(),
@@ -209,7 +250,7 @@ pub fn run(context: &Context, arguments: &TrainArguments) -> anyhow::Result<Outc
         folder.display()
     ));
     let mut line = Line::new(context, &plan);
-    let path = run::train(plan, &machine, &options, &mut |progress| line.show(progress))
+    let path = run::train::<L>(plan, machine, &options, &mut |progress| line.show(progress))
         .with_context(|| format!("the run in `{}` stopped", folder.display()))?;
     let result = json!({
         "policy": path,
@@ -257,32 +298,60 @@ pub(super) fn check_teachers(tasks: &[TaskPlan]) -> anyhow::Result<()> {
     ))
 }
 
+/// Sees that no task has a teacher.
+pub(super) fn check_no_teachers(tasks: &[TaskPlan], word: &str) -> anyhow::Result<()> {
+    if tasks.iter().all(|task| task.teacher.is_none()) {
+        return Ok(());
+    }
+    Err(Hinted::new(
+        format!("`train {word}` learns from rewards and asks no teacher"),
+        "leave `--teacher` out, or use `train obc` or `train obc-ppo`",
+    ))
+}
+
+/// Which recipe was asked for, if not `other`.
+pub(super) fn recipe_name(arguments: &TrainArguments, other: RecipeName) -> RecipeName {
+    match arguments.recipe {
+        Some(RecipeChoice::Own) => RecipeName::Own,
+        Some(RecipeChoice::Published) => RecipeName::Published,
+        Some(RecipeChoice::Paper) => RecipeName::Paper,
+        None => other,
+    }
+}
+
 /// The recipe that was asked for.
 fn recipe(
     arguments: &TrainArguments,
     regime: Regime,
     network: NetworkShape,
 ) -> anyhow::Result<Recipe> {
-    let name = match arguments.recipe {
-        RecipeChoice::Own => RecipeName::Own,
-        RecipeChoice::Published => RecipeName::Published,
-        RecipeChoice::Paper => RecipeName::Paper,
-    };
+    let name = recipe_name(arguments, RecipeName::Own);
     altered(arguments, Recipe::new(regime, name, network))
 }
 
 /// A recipe with everything that was asked to be otherwise.
-pub(super) fn altered(arguments: &TrainArguments, mut recipe: Recipe) -> anyhow::Result<Recipe> {
+pub(super) fn altered(arguments: &TrainArguments, recipe: Recipe) -> anyhow::Result<Recipe> {
+    let recipe: Recipe = assigned(arguments, recipe)?;
+    let reset_deviation = arguments.reset_std.or(recipe.reset_deviation);
+    Ok(Recipe { reset_deviation, ..recipe })
+}
+
+/// A recipe of any algorithm with the constants that were given another value.
+pub(super) fn assigned<R: Serialize + DeserializeOwned>(
+    arguments: &TrainArguments,
+    mut recipe: R,
+) -> anyhow::Result<R> {
     for assignment in &arguments.set {
         recipe = changed(&recipe, assignment)?;
     }
     if let Some(environments) = arguments.envs {
-        recipe.environments = environments.get();
+        recipe = with_constant(&recipe, "environments", json!(environments))
+            .map_err(anyhow::Error::msg)?;
     }
     if let Some(rate) = arguments.learning_rate {
-        recipe.learning_rate = Schedule::Constant(rate);
+        recipe = with_constant(&recipe, "learning_rate", json!(Schedule::Constant(rate)))
+            .map_err(anyhow::Error::msg)?;
     }
-    recipe.reset_deviation = arguments.reset_std.or(recipe.reset_deviation);
     Ok(recipe)
 }
 
@@ -294,7 +363,7 @@ fn start(
 ) -> anyhow::Result<Option<Start>> {
     let Some(path) = &arguments.from else {
         return if matches!(regime, Regime::FineTuning | Regime::SelfDistillation) {
-            let (word, _) = arguments.regime.meaning();
+            let word = arguments.regime.word();
             Err(Hinted::new(
                 format!("`train {word}` goes on with a policy, and there is none"),
                 "name the folder of a run or a checkpoint with `--from`",
@@ -329,12 +398,11 @@ pub(super) fn tasks(
 ) -> anyhow::Result<Vec<TaskPlan>> {
     let mut tasks: Vec<TaskPlan> = Vec::new();
     for word in &arguments.task {
-        let definition = tasks::find(word).map_err(|error| {
-            Hinted::new(error.to_string(), "`arnold-analyze tasks` lists them all")
-        })?;
-        match tasks.iter_mut().find(|task| task.definition.name == definition.name) {
-            Some(known) => known.environments += environments,
-            None => tasks.push(TaskPlan { definition, environments, teacher: None }),
+        for definition in laboratory::named_tasks(std::slice::from_ref(word))?.tasks {
+            match tasks.iter_mut().find(|task| task.definition.name == definition.name) {
+                Some(known) => known.environments += environments,
+                None => tasks.push(TaskPlan { definition, environments, teacher: None }),
+            }
         }
     }
     for word in &arguments.teacher {
@@ -377,17 +445,27 @@ fn teacher(context: &Context, name: &str, tasks: &[&str]) -> anyhow::Result<Teac
 }
 
 /// The recipe with one constant changed.
-fn changed(recipe: &Recipe, assignment: &str) -> anyhow::Result<Recipe> {
+fn changed<R: Serialize + DeserializeOwned>(recipe: &R, assignment: &str) -> anyhow::Result<R> {
     let hint = "write `--set NAME=VALUE` with a name of the run's `args.json`, e.g. `--set coefficients.clip=0.2`";
     let refuse = |why: String| Hinted::new(format!("`--set {assignment}`: {why}"), hint);
     let (name, value) =
         assignment.split_once('=').ok_or_else(|| refuse("there is no `=`".to_owned()))?;
-    let mut document = serde_json::to_value(recipe)?;
+    let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
+    with_constant(recipe, name, value).map_err(refuse)
+}
+
+/// The recipe with another value for the constant called `name`, or why not.
+fn with_constant<R: Serialize + DeserializeOwned>(
+    recipe: &R,
+    name: &str,
+    value: Value,
+) -> Result<R, String> {
+    let mut document = serde_json::to_value(recipe).map_err(|error| error.to_string())?;
     let place = document
         .pointer_mut(&format!("/{}", name.replace('.', "/")))
-        .ok_or_else(|| refuse("there is no such constant".to_owned()))?;
-    *place = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
-    serde_json::from_value(document).map_err(|error| refuse(error.to_string()))
+        .ok_or_else(|| "there is no such constant".to_owned())?;
+    *place = value;
+    serde_json::from_value(document).map_err(|error| error.to_string())
 }
 
 /// The line that says how a run goes.
@@ -401,7 +479,7 @@ pub(super) struct Line<'a> {
 }
 
 impl<'a> Line<'a> {
-    pub(super) fn new(context: &'a Context, plan: &Plan) -> Self {
+    pub(super) fn new<R: Serialize>(context: &'a Context, plan: &Plan<R>) -> Self {
         let tasks = plan.tasks.iter().map(|task| task.definition.name).collect();
         let total = plan.last_step();
         Self { context, total, tasks, last: None, evaluation: None, steps: 0 }
@@ -421,23 +499,25 @@ impl<'a> Line<'a> {
         let (steps, seconds) = progress.pace;
         let rate = steps as f64 / seconds.max(1e-9);
         let left = self.total.saturating_sub(report.steps) as f64 / rate.max(1e-9);
-        let solved: Vec<String> = self
-            .tasks
-            .iter()
-            .zip(&report.solved)
-            .map(|(task, solved)| format!("{task} {solved:.3}"))
-            .collect();
-        let evaluated = progress.evaluation.map(|fractions| {
-            let texts: Vec<String> = fractions.iter().map(|x| format!("{x:.3}")).collect();
-            format!(", evaluated {}", texts.join(" "))
-        });
+        let evaluated =
+            progress.evaluation.map(|fractions| format!(", evaluated {}", self.by_task(fractions)));
         self.context.say(&format!(
             "{}/{} steps, {rate:.0} per s, solved {}{}, {} left",
             report.steps,
             self.total,
-            solved.join(", "),
+            self.by_task(&report.solved),
             evaluated.unwrap_or_default(),
             duration(left)
         ));
+    }
+    /// A number for every task.
+    fn by_task(&self, numbers: &[f64]) -> String {
+        if self.tasks.len() > NAMED_TASKS {
+            let mean = numbers.iter().sum::<f64>() / numbers.len() as f64;
+            return format!("{mean:.3} (mean of {} tasks)", self.tasks.len());
+        }
+        let text = |(task, number): (&&str, &f64)| format!("{task} {number:.3}");
+        let texts: Vec<String> = self.tasks.iter().zip(numbers).map(text).collect();
+        texts.join(", ")
     }
 }

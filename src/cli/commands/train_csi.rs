@@ -28,10 +28,11 @@ use crate::policy::checkpoint::contents::{Tensor, TensorMap};
 use crate::policy::{self, Policy};
 use crate::sim::rollout::{self, ActionMode, Channels, Machine, RolloutPlan};
 use crate::sim::tasks::{Definition, RewardConfiguration};
+use crate::train::plan::{Plan, TaskPlan};
 use crate::train::recipe::{NetworkShape, PerceptronShape, Recipe, SubspacePhase, SubspaceShape};
 use crate::train::run::{self, RunOptions};
 use crate::train::start::Start;
-use crate::train::trainer::{Plan, TaskPlan};
+use crate::train::trainer::Trainer;
 
 use super::train::{self, Line, TrainArguments};
 
@@ -197,7 +198,9 @@ impl Bench<'_> {
         };
         self.context.say(&format!("Training: {}", folder.display()));
         let mut line = Line::new(self.context, &plan);
-        Ok(run::train(plan, &self.machine, &options, &mut |progress| line.show(progress))?)
+        Ok(run::train::<Trainer>(plan, &self.machine, &options, &mut |progress| {
+            line.show(progress);
+        })?)
     }
 
     fn plan<'a>(&self, policy: &'a dyn Policy, mode: ActionMode) -> RolloutPlan<'a> {

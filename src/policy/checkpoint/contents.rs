@@ -89,6 +89,9 @@ pub struct Scalars {
     pub exploration: Option<ExplorationSettings>,
     /// Rows of its control subspace that it was trained with.
     pub subspace_size: Option<usize>,
+    /// Tasks whose place in this list a perceptron sees behind the padded observation. Ours; published ones see none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub task_index: Vec<String>,
 }
 
 /// Settings of the exploration schemes whose noise depends on the state (`spec/policy.md` §4.3). The default is what the

@@ -2,8 +2,10 @@
 //! multi-task policies.
 //!
 //! That matrix has one row per sensor of the largest task and one column per lag (`spec/policy.md` §2.5). A smaller task
-//! fills its first rows; the others stay zero, whose mean is 0 and variance 1. It is read row by row.
+//! fills its first rows; the others stay zero, whose mean is 0 and variance 1. It is read row by row. Policies trained here may
+//! see one number more for every task they know: 1 for the one that is played, 0 for the others.
 
+use crate::files::printable;
 use crate::policy::PolicyError;
 use crate::policy::checkpoint::contents::{Normaliser, SignatureStatistics};
 use crate::policy::history::History;
@@ -21,14 +23,31 @@ const SCALE_EPSILON: f32 = 1e-8;
 #[derive(Debug, Clone)]
 pub(super) enum Input {
     Normalised(ComponentNormaliser),
-    Shifted { shift: Vec<f32>, scale: Vec<f32> },
-    Windows { statistics: SignatureStatistics, sensors: usize },
+    Shifted {
+        shift: Vec<f32>,
+        scale: Vec<f32>,
+    },
+    Windows {
+        statistics: SignatureStatistics,
+        sensors: usize,
+        /// Tasks whose place is seen behind the windows.
+        index: Vec<String>,
+    },
 }
 
 impl Input {
-    /// By the statistics of a normaliser, for a first layer of `width` inputs.
-    pub(super) fn normalised(normaliser: &Normaliser, width: usize) -> Result<Self, PolicyError> {
+    /// By the statistics of a normaliser, for a first layer of `width` inputs, of which the last say which task of `index` it
+    /// is.
+    pub(super) fn normalised(
+        normaliser: &Normaliser,
+        width: usize,
+        index: &[String],
+    ) -> Result<Self, PolicyError> {
         match normaliser {
+            Normaliser::PerComponent(_) if !index.is_empty() => {
+                let what = "a task index behind anything but padded windows".to_owned();
+                Err(PolicyError::Unsupported { what })
+            }
             Normaliser::PerComponent(statistics) => {
                 Ok(Self::Normalised(ComponentNormaliser::new(statistics, width)?))
             }
@@ -38,11 +57,14 @@ impl Input {
                 if lags == 0 {
                     return Err(PolicyError::Missing { what: "the length of its history" });
                 }
-                if !width.is_multiple_of(lags) {
+                let windows = width.checked_sub(index.len()).filter(|n| n.is_multiple_of(lags));
+                let Some(windows) = windows else {
                     let expected = width;
                     return Err(PolicyError::NormaliserLength { expected, found: lags });
-                }
-                Ok(Self::Windows { statistics: statistics.clone(), sensors: width / lags })
+                };
+                let (statistics, sensors, index) =
+                    (statistics.clone(), windows / lags, index.to_vec());
+                Ok(Self::Windows { statistics, sensors, index })
             }
         }
     }
@@ -68,8 +90,8 @@ impl Input {
         width: usize,
         muscles: usize,
     ) -> Result<BoundInput, PolicyError> {
-        let scaled = vec![0.0; width];
-        let Self::Windows { statistics, sensors } = self else {
+        let mut scaled = vec![0.0; width];
+        let Self::Windows { statistics, sensors, index } = self else {
             check_sizes(task, width, muscles)?;
             return Ok(BoundInput { observation_length: width, scaled, windows: None });
         };
@@ -80,6 +102,13 @@ impl Input {
             let (what, task_name) = ("described tokens", task.task.clone());
             let (expected, found) = (task.observation_words.len(), observation_length);
             return Err(PolicyError::DoesNotFit { what, expected, found, task: task_name });
+        }
+        if !index.is_empty() {
+            let Some(place) = index.iter().position(|name| *name == task.task) else {
+                let (task, trained) = (task.task.clone(), printable(&index.join(", ")));
+                return Err(PolicyError::NotInIndex { task, trained });
+            };
+            scaled[sensors * statistics.lags + place] = 1.0;
         }
         let windows = Windows {
             history: History::new(slots, observation_length, statistics.lags),

@@ -80,7 +80,7 @@ impl MlpPolicy {
         let names = weights.hidden_layers("policy_net");
         let activation = activation(&names, scalars)?;
         let layers = Layers::read(weights, &names, "action_net", activation)?;
-        let input = Input::normalised(normaliser, layers.inputs)?;
+        let input = Input::normalised(normaliser, layers.inputs, &scalars.task_index)?;
         let output = if weights.has("projection") {
             let muscles = layers.head.outputs();
             Output::Projected(ControlSubspace::read(weights, muscles, scalars.subspace_size)?)
@@ -100,7 +100,7 @@ impl MlpPolicy {
         let weights = Weights(tensors);
         let names = weights.numbered(|k| format!("actor.latent_pi.{}", 2 * k));
         let layers = Layers::read(weights, &names, "actor.mu", activation(&names, scalars)?)?;
-        let input = Input::normalised(normaliser, layers.inputs)?;
+        let input = Input::normalised(normaliser, layers.inputs, &scalars.task_index)?;
         let name = "actor.log_std";
         let log_deviation = if weights.has(&format!("{name}.weight")) {
             Some(Linear::read(weights, name, layers.head.inputs(), layers.head.outputs())?)

@@ -11,7 +11,7 @@ pub use gaussian::Gaussian;
 pub use lattice::{Lattice, LatticeShape};
 
 /// `ln √(2π)`.
-const HALF_LOG_TAU: f64 = 0.918_938_533_204_672_7;
+pub(super) const HALF_LOG_TAU: f64 = 0.918_938_533_204_672_7;
 
 /// A distribution whose spread is known and whose mean is given with every question.
 pub trait Distribution {

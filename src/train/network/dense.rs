@@ -64,6 +64,25 @@ impl Dense {
         }
     }
 
+    /// Writes the derivatives by some columns of `x`.
+    pub(super) fn pull_columns(
+        &self,
+        numbers: &[f32],
+        y_slopes: &[f32],
+        columns: Range<usize>,
+        x_slopes: &mut [f32],
+    ) {
+        let rows = y_slopes.len() / self.outputs;
+        matmul(
+            MatMut::from_row_major_slice_mut(x_slopes, rows, columns.len()),
+            Accum::Replace,
+            MatRef::from_row_major_slice(y_slopes, rows, self.outputs),
+            self.weight(numbers).subcols(columns.start, columns.len()),
+            1.0,
+            Par::Seq,
+        );
+    }
+
     /// Writes the derivatives by `x`.
     pub(super) fn pull_input(&self, numbers: &[f32], y_slopes: &[f32], x_slopes: &mut [f32]) {
         let rows = y_slopes.len() / self.outputs;
@@ -145,25 +164,54 @@ impl Stack {
         memory: &mut StackMemory,
         gradient: &mut [f32],
     ) {
-        let StackMemory { kept, slopes: [current, next] } = memory;
-        let (mut current, mut next) = (current, next);
-        current[..output_slopes.len()].copy_from_slice(output_slopes);
-        for (k, layer) in self.layers.iter().enumerate().rev() {
-            let (before, here) = kept.split_at(k);
-            let slopes = &mut current[..rows * layer.outputs];
-            for (slope, &z) in slopes.iter_mut().zip(&here[0][0]) {
-                *slope *= (self.slope)(z);
-            }
+        self.descend(numbers, rows, output_slopes, memory, |layer, before, slopes| {
             let input = match before.last() {
                 Some([_, previous]) => &previous[..rows * layer.inputs],
                 None => x,
             };
             layer.pull_weight(input, slopes, gradient);
+        });
+    }
+
+    /// The derivatives by the sums of the first layer, before their activation, given those by the output.
+    pub(super) fn first_slopes<'a>(
+        &self,
+        numbers: &[f32],
+        rows: usize,
+        output_slopes: &[f32],
+        memory: &'a mut StackMemory,
+    ) -> &'a [f32] {
+        self.descend(numbers, rows, output_slopes, memory, |_, _, _| ())
+    }
+
+    /// Goes back from the output to the first layer. `visit` is given every layer, what is kept of those before it, and the
+    /// derivatives by its sums; those of the first layer are returned.
+    fn descend<'a>(
+        &self,
+        numbers: &[f32],
+        rows: usize,
+        output_slopes: &[f32],
+        memory: &'a mut StackMemory,
+        mut visit: impl FnMut(&Dense, &[[Vec<f32>; 2]], &[f32]),
+    ) -> &'a [f32] {
+        let StackMemory { kept, slopes: [current, next] } = memory;
+        let (mut current, mut next) = (current, next);
+        current[..output_slopes.len()].copy_from_slice(output_slopes);
+        let mut length = output_slopes.len();
+        for (k, layer) in self.layers.iter().enumerate().rev() {
+            let (before, here) = kept.split_at(k);
+            length = rows * layer.outputs;
+            let slopes = &mut current[..length];
+            for (slope, &z) in slopes.iter_mut().zip(&here[0][0]) {
+                *slope *= (self.slope)(z);
+            }
+            visit(layer, before, slopes);
             if k > 0 {
                 layer.pull_input(numbers, slopes, &mut next[..rows * layer.inputs]);
                 std::mem::swap(&mut current, &mut next);
             }
         }
+        &current[..length]
     }
 }
 

@@ -7,6 +7,7 @@
 
 use super::Trainable;
 use crate::random::Random;
+use crate::train::parameters::Place;
 use crate::train::{Coefficients, ImitationLoss, Sample};
 
 /// Largest relative difference that is tolerated.
@@ -131,54 +132,69 @@ pub(super) fn compare(
     let mut moved = 0;
     for (name, coefficients) in losses {
         let mut gradient = Vec::new();
-        let total = network.gradient(&samples, coefficients, 1, &mut gradient).unwrap().total;
-        let rounding = f64::from(f32::EPSILON) * total.abs().max(1.0) / step;
-        for place in network.parameters().places().to_vec() {
-            if !is_compared(&place.name) {
-                continue;
-            }
-            let slopes = &gradient[place.range.clone()];
-            let norm = slopes.iter().map(|&g| f64::from(g).powi(2)).sum::<f64>().sqrt();
-            for kind in 0..3 {
-                let mut direction: Vec<f64> = match kind {
-                    0 if norm > 0.0 => slopes.iter().map(|&g| f64::from(g)).collect(),
-                    _ => slopes.iter().map(|_| random.normal()).collect(),
-                };
-                let length = direction.iter().map(|d| d * d).sum::<f64>().sqrt();
-                direction.iter_mut().for_each(|d| *d /= length);
-                let along: f64 =
-                    slopes.iter().zip(&direction).map(|(&g, d)| f64::from(g) * d).sum();
-                let start = network.parameters().numbers()[place.range.clone()].to_vec();
-                // What was really moved, after rounding, along the direction.
-                let mut at = |far: f64| {
-                    let numbers = &mut network.parameters_mut().numbers_mut()[place.range.clone()];
-                    for ((x, s), d) in numbers.iter_mut().zip(&start).zip(&direction) {
-                        *x = (f64::from(*s) + far * d) as f32;
-                    }
-                    let total =
-                        network.gradient(&samples, coefficients, 1, &mut Vec::new()).unwrap().total;
-                    network.parameters_mut().numbers_mut()[place.range.clone()]
-                        .copy_from_slice(&start);
-                    total
-                };
-                let mut quotient = |step: f64| {
-                    let near = at(step) - at(-step);
-                    let far = at(2.0 * step) - at(-2.0 * step);
-                    (8.0 * near - far) / (12.0 * step)
-                };
-                // Roundings differ from step to step, the derivative does not.
-                let difference = SCALES.map(|scale| quotient(scale * step)).iter().sum::<f64>()
-                    / SCALES.len() as f64;
-                let error = (difference - along).abs();
-                assert!(
-                    error <= TOLERANCE * norm + rounding,
-                    "{name}, `{}`, direction {kind}: {along} by the gradient of norm {norm}, \
-                     {difference} by differences",
-                    place.name
-                );
-                moved += usize::from(norm > 1e-2);
-            }
-        }
+        network.gradient(&samples, coefficients, 1, &mut gradient).unwrap();
+        let mut places = network.parameters().places().to_vec();
+        places.retain(|place| is_compared(&place.name));
+        let start = network.parameters().numbers().to_vec();
+        moved += compare_tensors(name, &places, &start, &gradient, step, &mut random, &mut |n| {
+            network.parameters_mut().numbers_mut().copy_from_slice(n);
+            network.gradient(&samples, coefficients, 1, &mut Vec::new()).unwrap().total
+        });
+        network.parameters_mut().numbers_mut().copy_from_slice(&start);
     }
     assert!(moved > 0, "every gradient was negligible");
+}
+
+/// Compares `gradient` in some tensors with finite differences of `loss`, which is a function of all numbers. Returns how many
+/// comparisons were of more than a negligible gradient.
+pub(super) fn compare_tensors(
+    name: &str,
+    places: &[Place],
+    start: &[f32],
+    gradient: &[f32],
+    step: f64,
+    random: &mut Random,
+    loss: &mut dyn FnMut(&[f32]) -> f64,
+) -> usize {
+    let mut moved = 0;
+    let total = loss(start);
+    let rounding = f64::from(f32::EPSILON) * total.abs().max(1.0) / step;
+    for place in places {
+        let slopes = &gradient[place.range.clone()];
+        let norm = slopes.iter().map(|&g| f64::from(g).powi(2)).sum::<f64>().sqrt();
+        for kind in 0..3 {
+            let mut direction: Vec<f64> = match kind {
+                0 if norm > 0.0 => slopes.iter().map(|&g| f64::from(g)).collect(),
+                _ => slopes.iter().map(|_| random.normal()).collect(),
+            };
+            let length = direction.iter().map(|d| d * d).sum::<f64>().sqrt();
+            direction.iter_mut().for_each(|d| *d /= length);
+            let along: f64 = slopes.iter().zip(&direction).map(|(&g, d)| f64::from(g) * d).sum();
+            // What was really moved, after rounding, along the direction.
+            let mut at = |far: f64| {
+                let mut numbers = start.to_vec();
+                for (x, d) in numbers[place.range.clone()].iter_mut().zip(&direction) {
+                    *x = (f64::from(*x) + far * d) as f32;
+                }
+                loss(&numbers)
+            };
+            let mut quotient = |step: f64| {
+                let near = at(step) - at(-step);
+                let far = at(2.0 * step) - at(-2.0 * step);
+                (8.0 * near - far) / (12.0 * step)
+            };
+            // Roundings differ from step to step, the derivative does not.
+            let difference = SCALES.map(|scale| quotient(scale * step)).iter().sum::<f64>()
+                / SCALES.len() as f64;
+            let error = (difference - along).abs();
+            assert!(
+                error <= TOLERANCE * norm + rounding,
+                "{name}, `{}`, direction {kind}: {along} by the gradient of norm {norm}, \
+                 {difference} by differences",
+                place.name
+            );
+            moved += usize::from(norm > 1e-2);
+        }
+    }
+    moved
 }

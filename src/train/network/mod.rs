@@ -1,6 +1,7 @@
 //! The networks that can be trained, each with hand-written derivatives.
 //!
 //! * [`mlp`]: Stable-Baselines3's actor-critic, with lattice exploration or a control subspace if asked.
+//! * [`soft`]: a soft actor-critic of perceptrons.
 //! * [`transformer`]: the muscle transformer, in every variant that `policy` reads.
 
 mod check;
@@ -8,6 +9,8 @@ mod dense;
 #[cfg(test)]
 mod differences;
 pub mod mlp;
+pub mod padded_input;
+pub mod soft;
 mod subspace;
 pub mod transformer;
 

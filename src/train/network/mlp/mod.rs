@@ -1,8 +1,8 @@
 //! Stable-Baselines3's actor-critic perceptron (`spec/policy.md` §2.4, §2.5): two stacks of dense layers, one for the
 //! action and one for the value, each with a linear head, and standard deviations that are the same in every state.
 //!
-//! Two things may be added: noise on the latent vector as well ([`MlpSettings::lattice`]), and a control subspace that
-//! the mean action is projected onto ([`MlpSettings::subspace`]).
+//! Three things may be added: noise on the latent vector as well ([`MlpSettings::lattice`]), a control subspace that the mean
+//! action is projected onto ([`MlpSettings::subspace`]), and several tasks, padded to the largest ([`MlpSettings::input`]).
 
 mod pass;
 
@@ -12,20 +12,20 @@ use pass::MlpPlayer;
 
 use super::check::{Lengths, check};
 use super::dense::{Dense, Stack};
+use super::padded_input::PaddedInput;
 use super::{Player, Trainable};
 use crate::policy::checkpoint::contents::{Activation, ExplorationSettings, Format, Scalars};
 use crate::random::Random;
 use crate::train::losses::Objective;
-use crate::train::shards::{shards, sum_over_shards};
+use crate::train::shards::{shards, smallest_of_dense, sum_over_shards};
 use crate::train::{Coefficients, Losses, Parameters, Sample, TrainError, initialisation};
-
-/// Rows that a matrix product needs to be worth its while.
-const SMALLEST_SHARD: usize = 16;
 
 /// What a perceptron is made of. The default is Stable-Baselines3's, without sizes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MlpSettings {
     pub observations: usize,
+    /// What it sees instead of `observations` numbers of one task.
+    pub input: Option<PaddedInput>,
     pub muscles: usize,
     /// Widths of the hidden layers before the action.
     pub policy_layers: Vec<usize>,
@@ -55,6 +55,7 @@ impl Default for MlpSettings {
     fn default() -> Self {
         Self {
             observations: 0,
+            input: None,
             muscles: 0,
             policy_layers: vec![64, 64],
             value_layers: vec![64, 64],
@@ -71,6 +72,7 @@ impl Default for MlpSettings {
 #[derive(Debug, Clone)]
 pub struct Mlp {
     settings: MlpSettings,
+    input: PaddedInput,
     parameters: Parameters,
     policy: Stack,
     action: Dense,
@@ -91,15 +93,17 @@ impl Mlp {
 
     /// A network whose parameters are zeros, to be read from a checkpoint.
     pub fn untrained(settings: MlpSettings) -> Result<Self, TrainError> {
+        let input = settings.input.clone();
+        let input = input.unwrap_or_else(|| PaddedInput::new(vec![settings.observations]));
         let widths = settings.policy_layers.iter().chain(&settings.value_layers);
-        if settings.observations == 0 || settings.muscles == 0 || widths.clone().any(|&w| w == 0) {
+        if input.width() == 0 || settings.muscles == 0 || widths.clone().any(|&w| w == 0) {
             return Err(TrainError::Sizes { what: "a layer without inputs or outputs".to_owned() });
         }
         if settings.lattice && settings.subspace.is_some() {
             let what = "lattice exploration and a control subspace at once".to_owned();
             return Err(TrainError::Sizes { what });
         }
-        let mut parameters = Parameters::zeros(shapes(&settings));
+        let mut parameters = Parameters::zeros(shapes(&settings, input.width()));
         if settings.subspace.is_some_and(|subspace| !subspace.trainable) {
             parameters.freeze(|name| matches!(name, "projection" | "mean"));
         }
@@ -123,6 +127,7 @@ impl Mlp {
             log_deviations: range("log_std")?,
             subspace,
             settings,
+            input,
             parameters,
         })
     }
@@ -180,15 +185,15 @@ impl Mlp {
 }
 
 /// Names and shapes in the order of the published optimiser.
-fn shapes(settings: &MlpSettings) -> Vec<(String, Vec<usize>)> {
-    let latents = settings.policy_layers.last().copied().unwrap_or(settings.observations);
+fn shapes(settings: &MlpSettings, observations: usize) -> Vec<(String, Vec<usize>)> {
+    let latents = settings.policy_layers.last().copied().unwrap_or(observations);
     let deviations = if settings.lattice { latents } else { 0 } + settings.muscles;
     let mut shapes = vec![("log_std".to_owned(), vec![deviations])];
     let mut add = |name: &str, inputs: usize, outputs: usize| {
         shapes.push((format!("{name}.weight"), vec![outputs, inputs]));
         shapes.push((format!("{name}.bias"), vec![outputs]));
     };
-    let mut ends = [settings.observations; 2];
+    let mut ends = [observations; 2];
     for ((branch, widths), end) in
         [("policy_net", &settings.policy_layers), ("value_net", &settings.value_layers)]
             .into_iter()
@@ -232,18 +237,20 @@ impl Trainable for Mlp {
         threads: usize,
         gradient: &mut Vec<f32>,
     ) -> Result<Losses, TrainError> {
-        let lengths = Lengths {
-            observation: self.settings.observations,
-            action: self.settings.muscles,
-            muscles: None,
-            noise: self.log_deviations.len(),
+        let lengths = |task| {
+            Some(Lengths {
+                observation: self.input.length(task)?,
+                action: self.settings.muscles,
+                muscles: None,
+                noise: self.log_deviations.len(),
+            })
         };
-        check(minibatch, coefficients, |_| Some(lengths), 1)?;
+        check(minibatch, coefficients, lengths, self.input.tasks())?;
         let objective = Objective::new(*coefficients, minibatch);
         let constants = self.constants();
         let numbers = self.parameters.numbers().len();
         gradient.resize(numbers + self.extra_lengths().iter().sum::<usize>(), 0.0);
-        let shards = shards(minibatch.len(), SMALLEST_SHARD);
+        let shards = shards(minibatch.len(), smallest_of_dense(numbers));
         let rows = shards.first().map_or(0, ExactSizeIterator::len);
         let losses = sum_over_shards(
             &shards,
@@ -273,6 +280,7 @@ impl Trainable for Mlp {
             activation: Some(self.settings.activation),
             exploration: Some(exploration),
             subspace_size: self.settings.subspace.map(|subspace| subspace.size),
+            task_index: self.input.index().to_vec(),
             ..Scalars::default()
         };
         (Format::PpoMlp, scalars)

@@ -6,6 +6,7 @@ use crate::train::losses::{LossScratch, Objective, Slopes};
 use crate::train::network::dense::StackMemory;
 use crate::train::network::subspace::Subspace;
 use crate::train::network::{Decision, Player};
+use crate::train::shards::Sum;
 use crate::train::{Losses, Sample};
 
 /// What depends on the parameters alone.
@@ -66,11 +67,11 @@ impl Mlp {
     }
 
     pub(super) fn memory(&self, rows: usize) -> Memory {
-        let latents = self.policy.outputs(self.settings.observations);
-        let value_latents = self.value_stack.outputs(self.settings.observations);
+        let latents = self.policy.outputs(self.input.width());
+        let value_latents = self.value_stack.outputs(self.input.width());
         let actions = vec![0.0; rows * self.settings.muscles];
         Memory {
-            x: vec![0.0; rows * self.settings.observations],
+            x: vec![0.0; rows * self.input.width()],
             policy: self.policy.memory(rows),
             value_stack: self.value_stack.memory(rows),
             raw: actions.clone(),
@@ -86,7 +87,7 @@ impl Mlp {
     fn forward(&self, constants: &Constants<'_>, rows: usize, memory: &mut Memory) {
         let numbers = self.parameters.numbers();
         let Memory { x, policy, value_stack, raw, means, values, .. } = memory;
-        let x = &x[..rows * self.settings.observations];
+        let x = &x[..rows * self.input.width()];
         let latent = self.policy.forward(numbers, x, rows, policy);
         let raw = &mut raw[..rows * self.settings.muscles];
         self.action.forward(numbers, latent, raw);
@@ -109,8 +110,8 @@ impl Mlp {
         sums: &mut [f32],
     ) -> Losses {
         let (rows, muscles) = (samples.len(), self.settings.muscles);
-        for (row, sample) in memory.x.chunks_exact_mut(self.settings.observations).zip(samples) {
-            row.copy_from_slice(sample.observation);
+        for (row, sample) in memory.x.chunks_exact_mut(self.input.width()).zip(samples) {
+            self.input.write(sample.task, sample.observation, row);
         }
         self.forward(constants, rows, memory);
         let (gradient, extra) = sums.split_at_mut(self.parameters.numbers().len());
@@ -137,7 +138,7 @@ impl Mlp {
                 subspace.pull(raw, slopes, projector, mean_gradient);
             }
         }
-        let x = &memory.x[..rows * self.settings.observations];
+        let x = &memory.x[..rows * self.input.width()];
         for (stack, head, kept, slopes) in [
             (&self.policy, &self.action, &mut memory.policy, &memory.mean_slopes[..rows * muscles]),
             (&self.value_stack, &self.value, &mut memory.value_stack, &memory.value_slopes[..rows]),
@@ -189,12 +190,12 @@ impl<'a> MlpPlayer<'a> {
 impl Player for MlpPlayer<'_> {
     fn decide(
         &mut self,
-        _task: usize,
+        task: usize,
         observation: &[f32],
         noise: &[f32],
         action: &mut [f32],
     ) -> Decision {
-        self.memory.x.copy_from_slice(observation);
+        self.network.input.write(task, observation, &mut self.memory.x);
         self.network.forward(&self.constants, 1, &mut self.memory);
         let mean = &self.memory.means;
         let log_probability = match &self.constants.spread {
@@ -210,9 +211,9 @@ impl Player for MlpPlayer<'_> {
         Decision { log_probability: log_probability as f32, value: self.memory.values[0] }
     }
 
-    fn value(&mut self, _task: usize, observation: &[f32]) -> f32 {
+    fn value(&mut self, task: usize, observation: &[f32]) -> f32 {
         let Memory { x, value_stack, values, .. } = &mut self.memory;
-        x.copy_from_slice(observation);
+        self.network.input.write(task, observation, x);
         let numbers = self.network.parameters.numbers();
         let latent = self.network.value_stack.forward(numbers, x, 1, value_stack);
         self.network.value.forward(numbers, latent, values);

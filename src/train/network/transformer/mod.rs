@@ -27,7 +27,7 @@ use super::{Player, Trainable};
 use crate::policy::checkpoint::contents::{Declared, Format, Scalars};
 use crate::random::Random;
 use crate::train::losses::Objective;
-use crate::train::shards::{shards, sum_over_shards};
+use crate::train::shards::{Sum, shards, sum_over_shards};
 use crate::train::{Coefficients, Losses, Parameters, Sample, TrainError};
 use constants::Constants;
 use heads::Head;
