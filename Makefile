@@ -6,9 +6,9 @@ PROGRAM = $(CARGO) run --release --quiet --
 
 .PHONY: demo test check bench gallery setup
 
-## The control-subspace curves of every task, from nothing: build, fetch physics and models, run.
+## A sketch of the control-subspace curves of every task, from nothing: build, fetch physics and models, run.
 demo: setup
-	$(PROGRAM) csi --task all
+	$(PROGRAM) csi --task all --budget quick
 
 ## All tests. Physics is fetched first, because the tests step it.
 test: setup
@@ -27,7 +27,7 @@ bench:
 ## The gallery page, docs/gallery/README.md: the paper's printed figures, and runs that need nothing but `setup`.
 gallery: setup
 	rm -rf target/gallery
-	$(PROGRAM) csi --data target/gallery --task all --out target/gallery
+	$(PROGRAM) csi --data target/gallery --task myosuite_elbow_pose --out target/gallery
 	$(PROGRAM) evaluate --data target/gallery --task myosuite_elbow_pose --episodes 20 --out target/gallery
 	$(PROGRAM) figures fig3b fig3c --gallery --data target/gallery --runs target/gallery --out docs/gallery
 

@@ -12,7 +12,8 @@
 //! folder each, and appear there whole: unpacked beside their place, then renamed. Every use hashes the files again, so
 //! a library or model that changed on disk is an error, never a wrong number.
 //!
-//! Published data sets are not packages: [`data`] fetches them into the user's data folder.
+//! Published data sets are not packages: [`data`] fetches them into the user's data folder. The program's own small
+//! policies it carries: [`Cache::shipped`].
 
 pub mod cache;
 pub mod data;
@@ -24,6 +25,7 @@ mod physics_version;
 pub mod pip;
 pub mod platform;
 mod receipt;
+mod shipped;
 mod wheel;
 
 pub use cache::Cache;
@@ -33,6 +35,7 @@ pub use part::Part;
 pub use physics_version::{PhysicsVersion, UnknownPhysics};
 pub use platform::Platform;
 pub use receipt::Receipt;
+pub use shipped::CARRIED;
 
 /// The command that mends everything a missing or damaged part can cause.
 pub const SETUP_COMMAND: &str = "arnold-analyze setup";

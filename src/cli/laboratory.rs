@@ -28,9 +28,10 @@ use super::render::Hinted;
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Playing")]
 pub struct PlayArguments {
-    /// Policy to play: a checkpoint, a folder with one, or a name: `arnold`, `obc`, `arnold/seed_1`, `expert` (every
-    /// task's own), `expert:TASK`, `expert:CONFIGURATION` [default: the one `$ARNOLD_POLICY` names, else the published
-    /// Arnold checkpoint under `--data`, else the elbow baseline of `MyoSuite`]. `random`: uniformly random actions
+    /// Policy to play: a checkpoint, a folder with one, or a name: `expert:mini` (the small experts that come with this
+    /// program), `arnold`, `obc`, `arnold/seed_1`, `expert` (every task's own), `expert:TASK`, `expert:CONFIGURATION`
+    /// [default: the one `$ARNOLD_POLICY` names, else the published Arnold checkpoint under `--data`, else
+    /// `expert:mini`]. `random`: uniformly random actions
     #[arg(long, value_name = "FILE|NAME")]
     policy: Option<PathBuf>,
     /// Normaliser the policy was trained with, or `none` [default: the one beside the checkpoint]
@@ -482,7 +483,14 @@ struct Playable {
 fn playable(policy: &Loaded, machine: &Machine, named: &Named) -> anyhow::Result<Playable> {
     let (mut tasks, mut muscle_counts, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
     let mut warnings = Vec::new();
+    let trained = policy.policy.trained_tasks();
     for &task in &named.tasks {
+        // A transformer can be asked to move any body; of many tasks it plays those it has learned.
+        if !named.strict && !trained.is_empty() && !trained.iter().any(|name| name == task.name) {
+            let reason = "the policy was not trained on it; `--task` with its name plays it".into();
+            left_out.push(LeftOut { task: task.name, reason });
+            continue;
+        }
         let interface = match environment(task, &machine.bodies) {
             Ok(environment) => environment.interface(),
             Err(error) if named.strict => return Err(error),

@@ -17,7 +17,7 @@ impl Laboratory {
     /// Opens the policy whose actions make the components. It must play all tasks, and as the first one does.
     pub fn take_components_of(&mut self, context: &Context, name: &Path) -> anyhow::Result<()> {
         let tasks: Vec<&str> = self.tasks.iter().map(|task| task.name).collect();
-        let other = open(context, name, None, &tasks)?;
+        let other = open(context, name, None, &tasks, &Cache::locate())?;
         if self.mode == ActionMode::Stochastic && !other.policy.is_stochastic() {
             return Err(Hinted::new(
                 format!(
@@ -53,7 +53,7 @@ pub(super) fn choose(
     let (name, chosen_because) = if let Some(name) = named {
         (name.to_path_buf(), "named by `--policy`")
     } else {
-        let (name, origin) = default_policy::choose(&context.data, cache)?;
+        let (name, origin) = default_policy::choose(&context.data, cache, tasks)?;
         (name, origin.reason())
     };
     if name.as_os_str() == RANDOM {
@@ -70,7 +70,7 @@ pub(super) fn choose(
         };
         return Ok((Loaded::random(), because));
     }
-    Ok((open(context, &name, normaliser, tasks)?, chosen_because))
+    Ok((open(context, &name, normaliser, tasks, cache)?, chosen_because))
 }
 
 /// The policy called `name`, for `tasks`.
@@ -79,9 +79,11 @@ fn open(
     name: &Path,
     normaliser: Option<&Path>,
     tasks: &[&str],
+    cache: &Cache,
 ) -> anyhow::Result<Loaded> {
-    let choice = shelf::find(name, &context.data)
-        .map_err(|error| Hinted::new(error.to_string(), POLICY_HINT))?;
+    let data = default_policy::shelf_of(name, &context.data, cache)?;
+    let choice =
+        shelf::find(name, &data).map_err(|error| Hinted::new(error.to_string(), POLICY_HINT))?;
     match choice {
         Choice::File(path) => {
             if let Some(path) = normaliser.filter(|path| *path != Path::new(policy::NO_NORMALISER))
@@ -95,7 +97,7 @@ fn open(
             "`--normaliser` names one file, but every expert has its own",
             "leave `--normaliser` out",
         )),
-        Choice::Experts(table) => policy::open_experts(&table, tasks, &context.data)
+        Choice::Experts(table) => policy::open_experts(&table, tasks, &data)
             .map_err(|error| Hinted::new(error.to_string(), POLICY_HINT)),
     }
 }

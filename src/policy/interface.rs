@@ -73,6 +73,11 @@ pub trait Policy: Send + Sync {
     fn warnings(&self, _task: &TaskInterface) -> Vec<String> {
         Vec::new()
     }
+
+    /// Tasks it was trained on; empty if no file says.
+    fn trained_tasks(&self) -> &[String] {
+        &[]
+    }
 }
 
 /// A policy bound to a task, playing up to `slots` bodies. It owns whatever changes from step to step: recurrent

@@ -40,6 +40,11 @@ impl Speech {
         Self { atomic, trained_tasks, ..self }
     }
 
+    /// Tasks it was trained on; empty if no file says.
+    pub(super) fn trained_tasks(&self) -> &[String] {
+        &self.trained_tasks
+    }
+
     /// The normaliser for sensors described by `words`.
     pub(super) fn normaliser(&self, words: &[Vec<u16>]) -> SignatureNormaliser {
         SignatureNormaliser::for_task(&self.statistics, words)

@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
+use crate::assets::Cache;
 use crate::cli::context::{Context, Outcome};
+use crate::cli::default_policy;
 use crate::cli::explain;
 use crate::cli::render::{self, Hinted};
 use crate::policy::export;
@@ -23,7 +25,8 @@ pub(super) fn run(
             "for recordings, say the format: `--to parquet`, `--to mcap`, `--to hdf5`",
         ));
     };
-    let choice = shelf::find(policy, &context.data).map_err(|error| {
+    let data = default_policy::shelf_of(policy, &context.data, &Cache::locate())?;
+    let choice = shelf::find(policy, &data).map_err(|error| {
         Hinted::new(error.to_string(), "give a checkpoint or the folder of a run")
     })?;
     let Choice::File(path) = choice else {

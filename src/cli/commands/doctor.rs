@@ -130,18 +130,19 @@ fn part_finding(cache: &Cache, part: Part) -> Finding {
 /// The policy used when none is named.
 fn policy_finding(context: &Context, cache: &Cache) -> Finding {
     let what = "default policy";
-    match default_policy::choose(&context.data, cache) {
+    match default_policy::choose(&context.data, cache, &[]) {
         Ok((path, Origin::Variable)) if shelf::find(&path, &context.data).is_err() => {
             Finding::good(what, "missing", format!("$ARNOLD_POLICY, {}", path.display()))
                 .mended_by("set `ARNOLD_POLICY` to a checkpoint that exists, or unset it")
                 .broken_if(true)
         }
-        Ok((_, Origin::Baseline)) => Finding::good(what, "found", Origin::Baseline.reason()),
+        Ok((_, Origin::Carried)) => Finding::good(what, "found", Origin::Carried.reason()),
         Ok((path, origin)) => {
             Finding::good(what, "found", format!("{}, {}", path.display(), origin.reason()))
         }
-        Err(_) => Finding::good(what, "missing", Origin::Baseline.reason())
-            .mended_by(format!("`{SETUP_COMMAND}`")),
+        Err(error) => Finding::good(what, "missing", Origin::Carried.reason())
+            .mended_by(error.hint())
+            .broken_if(true),
     }
 }
 

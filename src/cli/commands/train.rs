@@ -13,6 +13,7 @@ use serde_json::{Value, json};
 
 use crate::assets::{Cache, Part, PhysicsVersion};
 use crate::cli::context::{Context, Outcome};
+use crate::cli::default_policy;
 use crate::cli::laboratory;
 use crate::cli::progress::duration;
 use crate::cli::render::{self, Hinted};
@@ -431,11 +432,10 @@ pub(super) fn tasks(
 fn teacher(context: &Context, name: &str, tasks: &[&str]) -> anyhow::Result<TeacherPolicy> {
     let hint = "give a checkpoint file or the folder of a run with `--teacher`";
     let refuse = |error: policy::PolicyError| Hinted::new(error.to_string(), hint);
-    let loaded = match shelf::find(Path::new(name), &context.data).map_err(refuse)? {
+    let data = default_policy::shelf_of(Path::new(name), &context.data, &Cache::locate())?;
+    let loaded = match shelf::find(Path::new(name), &data).map_err(refuse)? {
         Choice::File(path) => policy::open(&path, None).map_err(refuse)?,
-        Choice::Experts(table) => {
-            policy::open_experts(&table, tasks, &context.data).map_err(refuse)?
-        }
+        Choice::Experts(table) => policy::open_experts(&table, tasks, &data).map_err(refuse)?,
     };
     for warning in &loaded.warnings {
         context.say(&format!("warning: {warning}"));

@@ -207,7 +207,7 @@ mod tests {
             step(&usher, start, (0, 0), 100, true);
             done.send(usher).unwrap();
         });
-        let usher = finished.recv_timeout(Duration::from_secs(60)).unwrap();
+        let usher = finished.recv_timeout(Duration::from_mins(1)).unwrap();
         // One place of the channel went to the beginning; of 100 frames the others had three.
         assert_eq!(usher.seen(), Seen { episodes: 1, shown: 3, dropped: 97, passed_over: 0 });
         usher.begins((0, 1), start, title);

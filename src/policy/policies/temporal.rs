@@ -129,6 +129,10 @@ impl Policy for TemporalPolicy {
     fn warnings(&self, task: &TaskInterface) -> Vec<String> {
         self.speech.warnings(task)
     }
+
+    fn trained_tasks(&self) -> &[String] {
+        self.speech.trained_tasks()
+    }
 }
 
 /// What one body has seen in its episode.

@@ -64,6 +64,10 @@ impl Policy for TransformerPolicy {
     fn warnings(&self, task: &TaskInterface) -> Vec<String> {
         self.speech.warnings(task)
     }
+
+    fn trained_tasks(&self) -> &[String] {
+        self.speech.trained_tasks()
+    }
 }
 
 struct TransformerActor {
