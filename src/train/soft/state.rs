@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use super::replay_file;
 use super::trainer::{ADAM, SoftTrainer};
 use crate::files;
-use crate::npz::{Arrays, Elements, write_npz};
+use crate::npz::{ArrayError, Arrays, Elements, write_npz};
 use crate::train::TrainError;
 use crate::train::adam::Adam;
 use crate::train::checkpoints::{
@@ -17,6 +17,10 @@ use crate::train::checkpoints::{
 
 /// What the names of the targets begin with.
 const TARGET: &str = "target.";
+/// Bytes that a number of a state takes while it is read: eight, and four more of the array that is read just now.
+const BYTES_OF_NUMBER: u64 = 12;
+/// Bytes for everything in a state but networks.
+const REST_OF_STATE: u64 = 64 << 20;
 /// What the name of a buffer begins and ends with.
 const BUFFER: [&str; 2] = ["replay_", ".bin"];
 
@@ -43,7 +47,7 @@ impl SoftTrainer {
     }
 
     pub(super) fn read_state(&mut self, path: &Path) -> Result<(), TrainError> {
-        let arrays = Arrays::open(path)?;
+        let arrays = self.open_arrays(path)?;
         let counters = whole_numbers(&arrays, "counters")?;
         let &[iteration, steps, updates] = counters.as_slice() else {
             return Err(broken("counters"));
@@ -65,6 +69,18 @@ impl SoftTrainer {
         replay_file::read(&buffer, &mut self.replay)?;
         (self.iteration, self.steps) = (iteration as usize, steps);
         remove_other_buffers(&buffer)
+    }
+
+    /// The arrays of a state, which may be as large as these networks make it: what they are, what three optimisers remember
+    /// twice, and targets.
+    fn open_arrays(&self, path: &Path) -> Result<Arrays, TrainError> {
+        let [actor, critics] =
+            [&self.network.actor, &self.network.critics].map(|own| own.numbers().len() as u64);
+        let limit = REST_OF_STATE + BYTES_OF_NUMBER * (3 * actor + 4 * critics);
+        let bytes = files::read_bounded(path, limit)?;
+        let in_file =
+            |fault| ArrayError::InFile { fault: Box::new(fault), path: path.to_path_buf() };
+        Ok(Arrays::parse(&bytes, limit, |_| true).map_err(in_file)?)
     }
 }
 
