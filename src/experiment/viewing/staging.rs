@@ -246,9 +246,7 @@ fn set_eye(stage: &mut Stage, start: &Frame, moves: &[bool], body: &Simulation) 
     let (away, height) = match start.targets.first() {
         Some(&goal) if stage.floor => (turned_from(centre, goal), 0.4),
         // What is to be reached on a table is seen from above.
-        Some(_) if stage.bodies.iter().any(|body| body.name == TABLE) => {
-            ([0.5 * side, -0.55], 0.85)
-        }
+        Some(_) if stage.bodies.iter().any(|body| body.name == TABLE) => ([0.6 * side, -0.65], 1.0),
         _ => ([0.75 * side, -0.75], 0.4),
     };
     stage.look_at = centre;

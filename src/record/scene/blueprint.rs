@@ -11,9 +11,9 @@ use re_sdk_types::blueprint::archetypes::{
     VisualBounds2D,
 };
 use re_sdk_types::blueprint::components::{
-    BackgroundKind, ColumnShare, ContainerKind, Corner2D, Eye3DKind, IncludedContent, LinkAxis,
-    LoopMode, PanelState, PlayState, PlaybackSpeed, QueryExpression, RootContainer, RowShare,
-    TimeRange, TimelineName, ViewClass,
+    BackgroundKind, ColumnShare, ContainerKind, Corner2D, Eye3DKind, IncludedContent, LoopMode,
+    PanelState, PlayState, PlaybackSpeed, QueryExpression, RootContainer, RowShare, TimeRange,
+    TimelineName, ViewClass,
 };
 use re_sdk_types::components::{Color, Name, Position3D, Range1D, Visible};
 use re_sdk_types::datatypes::{self, Bool, Float32, Float64, TimeInt, TimeRangeBoundary, Uuid};
@@ -54,7 +54,8 @@ pub(super) fn messages(act: &Act) -> Result<Vec<LogMsg>, SceneError> {
 }
 
 /// The time from the start of an episode to where it is cut off at the latest: what is known before steps begins and ends
-/// a step earlier than what is known after them, and would stand askew above it.
+/// a step earlier than what is known after them, and would stand askew above it. (Linking the axes would do the same to them:
+/// the viewer then looks at the data alone.)
 fn episode(act: &Act) -> TimeRange {
     let end = (seconds(act.length() - 1, act.interval) * 1e9).round() as i64;
     let at = |time| TimeRangeBoundary::Absolute(TimeInt(time));
@@ -195,7 +196,7 @@ impl Plan {
                 quantities.push((&signal.name, signal.scale));
             }
         }
-        let time = TimeAxis::new().with_link(LinkAxis::LinkToGlobal).with_view_range(episode(act));
+        let time = TimeAxis::new().with_view_range(episode(act));
         let (mut plots, mut shares) = (Vec::new(), Vec::new());
         for (name, scale) in quantities {
             shares.push(if scale == Scale::Flag { FLAG_HEIGHT } else { 1.0 });
