@@ -5,6 +5,7 @@
 
 mod common;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -423,6 +424,95 @@ fn other_programs_read_what_is_written() {
         .unwrap();
     let errors = String::from_utf8_lossy(&output.stderr);
     assert_eq!(String::from_utf8_lossy(&output.stdout), want.repeat(3), "{errors}");
+}
+
+/// Topic and fields of a path as Foxglove reads it: `/activation.value."ECRL"`. Names in quotes may hold anything.
+fn topic_and_fields(path: &str) -> (String, Vec<String>) {
+    let (topic, mut rest) = path.split_once('.').unwrap();
+    let mut fields = Vec::new();
+    loop {
+        let (field, after) = match rest.strip_prefix('"') {
+            Some(quoted) => quoted.split_once('"').unwrap(),
+            None => rest.split_at(rest.find('.').unwrap_or(rest.len())),
+        };
+        fields.push(field.to_owned());
+        match after.strip_prefix('.') {
+            Some(more) => rest = more,
+            None => break,
+        }
+    }
+    (topic.to_owned(), fields)
+}
+
+/// The type that a schema gives to a field. Foxglove takes single types only, and lists what an object has.
+fn type_of_field<'a>(schema: &'a Value, fields: &[String]) -> &'a str {
+    let schema = fields.iter().fold(schema, |schema, field| {
+        assert_eq!(schema["type"], "object");
+        &schema["properties"][field.as_str()]
+    });
+    schema["type"].as_str().unwrap_or("nothing")
+}
+
+#[test]
+fn every_path_of_a_foxglove_layout_finds_a_number_in_a_recording_of_its_body() {
+    let bench = Bench::new();
+    let data = common::data_folder();
+    let walks = data.join("kinesis/xml/myolegs_onlylegs.xml").is_file();
+    let data = data.display().to_string();
+    let bodies = [
+        ("hand", "baoding_p1_ccw"),
+        ("arm", "relocate"),
+        ("elbow", "elbow_pose"),
+        ("legs", "kinesis_forward"),
+    ];
+    for (body, task) in bodies {
+        if body == "legs" && !walks {
+            eprintln!("skipped: no walking body in `{data}`");
+            continue;
+        }
+        let rollout = ["rollout", "--policy", "random", "--task", task, "--episodes", "1"];
+        let to = ["--format", "mcap", "--json", "--data", &data];
+        let document = bench.json(&[&rollout[..], &to].concat());
+        let folder = Path::new(document["folder"].as_str().unwrap());
+        let bytes = std::fs::read(folder.join(format!("{task}.mcap"))).unwrap();
+        let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+        let schemas: BTreeMap<String, Value> = summary
+            .channels
+            .values()
+            .map(|channel| {
+                let schema = channel.schema.as_ref().unwrap();
+                assert_eq!((&*schema.encoding, &*channel.message_encoding), ("jsonschema", "json"));
+                (channel.topic.clone(), serde_json::from_slice(&schema.data).unwrap())
+            })
+            .collect();
+        let mut messages: BTreeMap<String, Value> = BTreeMap::new();
+        for message in mcap::MessageStream::new(&bytes).unwrap() {
+            let message = message.unwrap();
+            let read = || serde_json::from_slice(&message.data).unwrap();
+            messages.entry(message.channel.topic.clone()).or_insert_with(read);
+        }
+        let layout = format!("{}/data/foxglove/{body}.json", env!("CARGO_MANIFEST_DIR"));
+        let layout: Value = serde_json::from_slice(&std::fs::read(layout).unwrap()).unwrap();
+        let panels = layout["configById"].as_object().unwrap();
+        let lines = panels.values().flat_map(|panel| panel["paths"].as_array().unwrap());
+        let mut count = 0;
+        for line in lines {
+            let path = line["value"].as_str().unwrap();
+            let (topic, fields) = topic_and_fields(path);
+            let schema = schemas.get(&topic).unwrap_or_else(|| panic!("no topic for `{path}`"));
+            let known = type_of_field(schema, &fields);
+            let value =
+                fields.iter().fold(&messages[&topic], |value, field| &value[field.as_str()]);
+            let fits = match known {
+                "number" => value.is_number(),
+                "boolean" => value.is_boolean(),
+                _ => false,
+            };
+            assert!(fits, "{body}, `{path}`: `{known}` and {value}");
+            count += 1;
+        }
+        assert!(count > 20, "{body}: {count}");
+    }
 }
 
 #[test]

@@ -160,15 +160,23 @@ fn a_run_that_was_finished_before_is_shown_all_the_same() {
     }
     assert_eq!(messages(&bench.path("first.rrd")), messages(&bench.path("again.rrd")));
     let csi =
-        ["csi", "--task", "elbow_pose", "--episodes", "2", "--components", "1", "--no-pooled"];
-    assert_eq!(bench.run(&csi).code, 0);
-    let again = bench.run(&[&csi[..], &["--save", "csi.rrd"]].concat());
-    assert_eq!(again.code, 0, "{}", again.stderr);
-    assert!(again.stderr.contains("are played again: 2 of each task"), "{}", again.stderr);
-    let (recordings, _) = contents(&bench.path("csi.rrd"));
-    assert_eq!(recordings.len(), 2);
-    for rows in recordings.values() {
-        assert!(rows.keys().any(|path| path.ends_with("/tendons")), "{rows:?}");
+        ["csi", "--task", "elbow_pose", "--episodes", "2", "--components", "1,3,6", "--no-pooled"];
+    for basis in ["pca", "nmf"] {
+        let fits = if basis == "nmf" { &["--n-fits", "1"][..] } else { &[] };
+        let first = format!("{basis}.rrd");
+        let again = format!("{basis} again.rrd");
+        for scene in [&first, &again] {
+            let words = [&csi[..], fits, &["--basis", basis, "--save", scene]].concat();
+            let ended = bench.run(&words);
+            assert_eq!(ended.code, 0, "{}", ended.stderr);
+        }
+        assert_eq!(messages(&bench.path(&first)), messages(&bench.path(&again)), "{basis}");
+        let (recordings, _) = contents(&bench.path(&again));
+        let rows = recordings.values().next().unwrap();
+        assert_eq!(recordings.len(), 1, "the first episode of the task");
+        for take in ["free", "1\\ component", "3\\ components"] {
+            assert!(rows.contains_key(&format!("/{take}/tendons")), "{basis}, {take}: {rows:?}");
+        }
     }
 }
 

@@ -1,7 +1,8 @@
 //! Light for print, dark for slides: a finished drawing in other colours.
 //!
-//! A drawing names its colours as `#RRGGBB`. On dark paper black and white change places, and greys between them. A
-//! colour is mixed with white: three sixteenths of it, and as many more as its contrast with the paper (WCAG 2: the ratio of
+//! A drawing names its colours as `#RRGGBB`. On dark paper black and white change places, and greys between them: faint ones
+//! stand back a little less there, because a thin light line on dark paper looks thinner than a dark one on white. A colour
+//! is mixed with white: three sixteenths of it, and as many more as its contrast with the paper (WCAG 2: the ratio of
 //! relative luminances, each plus 0.05) needs to be at least 3, which is what lines and bars need to be told from their
 //! ground. Hues stay, so a policy keeps its colour from paper to slide, and a scale of shades keeps its order.
 
@@ -17,6 +18,8 @@ const DARK_GREY: &str = "#A7A9AE";
 const LEAST_CONTRAST: f64 = 3.0;
 /// Red, green and blue of a grey differ by no more than this.
 const GREYEST: u16 = 6;
+/// Power of the share of ink in a grey.
+const FAINT: f64 = 0.8;
 /// Steps from a colour to white, and those that every colour takes.
 const STEPS: u16 = 16;
 const LEAST_STEPS: u16 = 3;
@@ -71,8 +74,9 @@ impl Theme {
         };
         let brightest = colour_parts.into_iter().fold(0, u16::max);
         if colour_parts.iter().all(|part| brightest - part <= GREYEST) {
-            // What stood back from the ink by so much stands back by as much.
-            let between = |at: usize| ink[at] - (ink[at] - paper[at]) * brightest / 255;
+            let share = (1.0 - f64::from(brightest) / 255.0).powf(FAINT);
+            let between =
+                |at: usize| paper[at] + (f64::from(ink[at] - paper[at]) * share).round() as u16;
             return written([between(0), between(1), between(2)]);
         }
         let mixed = |step: u16| colour_parts.map(|part| part + (255 - part) * step / STEPS);
@@ -134,7 +138,7 @@ mod tests {
         // A faint line stays faint, a strong one strong.
         assert_eq!(
             ["#000000", "#DDDDDD"].map(|grey| Theme::Dark.colour(grey)),
-            ["#ECECEC", "#323438"]
+            ["#ECECEC", "#404145"]
         );
         // The sizes of the network, from light to dark.
         let shades =

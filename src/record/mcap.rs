@@ -4,6 +4,9 @@
 //! schema names every element with its unit. Undefined numbers are `null`; an infinite number has no JSON and is refused.
 //! Numbers are written in the shortest form that reads back as the same bits.
 //!
+//! Foxglove and Lichtblick open no channel whose schema gives a value two types. So only a channel that has undefined numbers
+//! says that they may be `null`; the others have numbers and nothing else.
+//!
 //! Log time starts at 0 and runs through the episodes one after the other, with one control interval between them; a value
 //! taken after a step carries the time at the end of the step. Chunks are compressed with zstd and carry checksums, the index
 //! lies at the end, and the same recording gives the same bytes (see `mcap_writer`).
@@ -26,7 +29,7 @@ use super::header::Header;
 use super::mcap_chunk::{self, ChunkError};
 use super::mcap_message::{self, Message};
 use super::mcap_writer::{Chunk, Writer};
-use super::recording::{About, Channel, Recording, Timing};
+use super::recording::{About, Channel, Recording, Samples, Timing};
 use super::{Place, RecordError};
 use crate::files;
 
@@ -64,7 +67,8 @@ fn fill(out: impl Write, recording: &Recording) -> io::Result<()> {
     let (mut before, mut after) = (Vec::new(), Vec::new());
     for (place, channel) in recording.channels.iter().enumerate() {
         let pairs = channel.timing.map(|timing| ("timing".to_owned(), timing.word().to_owned()));
-        let id = writer.channel(&channel.name, &schema(channel), &pairs.into_iter().collect())?;
+        let schema = schema(channel, has_undefined(recording, place));
+        let id = writer.channel(&channel.name, &schema, &pairs.into_iter().collect())?;
         let list = if channel.timing == Some(Timing::AfterStep) { &mut after } else { &mut before };
         list.push((id, place, Message::new(channel)));
     }
@@ -110,12 +114,22 @@ pub(super) fn spans(header: &Header) -> Vec<(u64, RangeInclusive<u64>)> {
     spans
 }
 
-/// The JSON schema of a channel's messages.
-fn schema(channel: &Channel) -> String {
+/// Whether a number in the channel at `place` is undefined.
+fn has_undefined(recording: &Recording, place: usize) -> bool {
+    recording.episodes.iter().any(|episode| match &episode.samples[place] {
+        Samples::Single(values) => values.iter().any(|value| value.is_nan()),
+        Samples::Double(values) => values.iter().any(|value| value.is_nan()),
+        Samples::Flag(_) => false,
+    })
+}
+
+/// The JSON schema of a channel's messages, some numbers of which may be `undefined`.
+fn schema(channel: &Channel, undefined: bool) -> String {
     let number = |unit: &str, name: &str| {
         let mut schema = match channel.precision {
             super::Precision::Flag => json!({"type": "boolean"}),
-            _ => json!({"type": ["number", "null"]}),
+            _ if undefined => json!({"type": ["number", "null"]}),
+            _ => json!({"type": "number"}),
         };
         if !unit.is_empty() {
             schema["description"] = json!(unit);
@@ -341,7 +355,6 @@ impl Reading {
 mod tests {
     use super::super::recording::testing::{assert_same, recording};
     use super::*;
-    use crate::record::Samples;
 
     #[test]
     fn a_recording_comes_back_bit_for_bit_and_its_bytes_do_not_change() {
@@ -377,6 +390,37 @@ mod tests {
             mcap::MessageStream::new(&bytes).unwrap().map(|m| m.unwrap().log_time).collect();
         assert!(times.is_sorted());
         assert_eq!(times.last(), Some(&150_000_000), "5 steps, a gap, 9 steps of 0.01 s");
+    }
+
+    #[test]
+    fn only_a_channel_with_undefined_numbers_gives_them_a_second_type() {
+        let (folder, mut recording) = (tempfile::tempdir().unwrap(), recording());
+        for episode in &mut recording.episodes {
+            episode.samples[3] = Samples::Double(vec![-1.5; episode.facts.length]);
+        }
+        let path = folder.path().join("pen.mcap");
+        write(&path, &recording, Place::New).unwrap();
+        let summary = mcap::Summary::read(&std::fs::read(&path).unwrap()).unwrap().unwrap();
+        let mut types = std::collections::BTreeSet::new();
+        for (place, channel) in recording.channels.iter().enumerate() {
+            let topic = format!("/{}", channel.name);
+            let found = summary.channels.values().find(|found| found.topic == topic).unwrap();
+            let schema = &found.schema.as_ref().unwrap().data;
+            let schema: serde_json::Value = serde_json::from_slice(schema).unwrap();
+            let mut value = &schema["properties"]["value"];
+            if !channel.is_scalar() {
+                value = &value["properties"][&channel.elements[0].name];
+            }
+            let mut values = recording.episodes.iter().flat_map(|e| e.samples[place].values());
+            let want = match channel.precision {
+                crate::record::Precision::Flag => json!("boolean"),
+                _ if values.any(f64::is_nan) => json!(["number", "null"]),
+                _ => json!("number"),
+            };
+            assert_eq!(value["type"], want, "{topic}");
+            types.insert(want.to_string());
+        }
+        assert_eq!(types.len(), 3, "{types:?}");
     }
 
     #[test]

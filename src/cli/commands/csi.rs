@@ -13,9 +13,11 @@ use crate::cli::laboratory::{Defaults, Laboratory, PlayArguments};
 use crate::cli::progress::Progress;
 use crate::cli::render::{self, Align, Hinted};
 #[cfg(feature = "view")]
-use crate::cli::viewing::{self, WatchArguments};
+use crate::cli::viewing::{self, ViewerArguments, WatchArguments};
 use crate::cli::{signals, sweep};
 use crate::experiment::csi::{self, CsiOptions, CsiScene, Design, Method, SynergyOptions};
+#[cfg(feature = "view")]
+use crate::experiment::run_folder::{Manifest, RunFolder};
 use crate::files;
 use crate::record::{Benchmark, read_benchmark};
 use crate::sim::rollout::ActionMode;
@@ -219,11 +221,7 @@ pub fn run(context: &Context, arguments: &CsiArguments) -> anyhow::Result<Outcom
     if let Some(manifest) = finished {
         #[cfg(feature = "view")]
         if let Some(viewer) = arguments.watch.anywhere() {
-            viewing::play_again(context, &laboratory, viewer)?;
-            context.say(&format!(
-                "For episodes in few components delete `{}` and type the command again",
-                folder.path.display()
-            ));
+            show(context, &laboratory, &options.method, &folder, &manifest, viewer)?;
         }
         return finish::print(context, &folder, &manifest, &table);
     }
@@ -245,12 +243,7 @@ pub fn run(context: &Context, arguments: &CsiArguments) -> anyhow::Result<Outcom
         return Ok(Outcome::Done);
     };
     #[cfg(feature = "view")]
-    {
-        viewing::close(context, &laboratory)?;
-        if let Some(viewer) = arguments.watch.file() {
-            super::csi_scene::save(context, &laboratory, &scene, &played, viewer)?;
-        }
-    }
+    viewing::close(context, &laboratory)?;
     let mut csi = csi::assemble(&scene, &played)?;
     if let Some(experts) = &experts {
         let fraction = |task: &str| experts.results.get(task)?.avg_solved_step_frac;
@@ -268,7 +261,24 @@ pub fn run(context: &Context, arguments: &CsiArguments) -> anyhow::Result<Outcom
         document["budget"] = quick(&design.options);
     }
     let manifest = output.finish(&laboratory, document, seconds)?;
+    #[cfg(feature = "view")]
+    if let Some(viewer) = arguments.watch.file() {
+        show(context, &laboratory, &design.options.method, &folder, &manifest, viewer)?;
+    }
     finish::print(context, &folder, &manifest, &table)
+}
+
+/// Shows episodes of the finished sweep.
+#[cfg(feature = "view")]
+fn show(
+    context: &Context,
+    laboratory: &Laboratory,
+    method: &Method,
+    folder: &RunFolder,
+    manifest: &Manifest,
+    viewer: &ViewerArguments,
+) -> anyhow::Result<()> {
+    super::csi_scene::Finished { laboratory, method, folder, manifest }.show(context, viewer)
 }
 
 /// What a sketch says of itself.

@@ -11,16 +11,19 @@
 //! * `bases`: principal components, and who is projected onto what.
 //! * `synergies`: the same with non-negative factors.
 //! * `report`: tables, document, figure.
+//! * `stored`: the projections of a finished sweep, from its tables.
 
 mod bases;
 mod design;
 mod report;
+mod stored;
 mod synergies;
 
 pub use super::synergies::Scope;
 pub use bases::{CsiScene, assemble};
 pub use design::{Design, Sweeper};
 pub use report::{basis_table, curve_table, document, episode_table, figure};
+pub use stored::stored_projection;
 pub use synergies::{ListedFit, SynergyFit, SynergyOptions};
 
 use crate::analysis::stats::{BootstrapOptions, Divisor, Interval, Summary, bootstrap_mean};

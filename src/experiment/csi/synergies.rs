@@ -48,7 +48,7 @@ impl Default for SynergyOptions {
 }
 
 impl SynergyOptions {
-    fn of_fit(&self, fit: usize) -> NmfOptions {
+    pub(super) fn of_fit(&self, fit: usize) -> NmfOptions {
         let start = if self.noise { NmfStart::Noise { seed: fit as u64 } } else { NmfStart::Mean };
         NmfOptions { start, ..NmfOptions::default() }
     }

@@ -16,6 +16,7 @@ use crate::units::Seconds;
 use super::gait::Walked;
 use super::signals::{gait_phase, with_units};
 use super::staging::Staging;
+use super::told::Told;
 use super::watching::{Moment, News, Seat, Title};
 
 /// Frames are sent together once per this time.
@@ -66,8 +67,9 @@ impl Stagehand {
                     }
                     false
                 }
-                Ok(News::Ends { seat }) => {
+                Ok(News::Ends { seat, told }) => {
                     if let Some(mut show) = self.shows.remove(&seat) {
+                        show.tell(&told);
                         show.tell_gait(true);
                         show.broadcast.send(&self.viewer)?;
                     }
@@ -116,10 +118,14 @@ impl Stagehand {
             .with(signals(&title.names));
         let is_new = self.arranged.insert(task.name);
         broadcast.open(&self.viewer, &self.run, is_new)?;
-        broadcast.add(staging.frame(0, false, &title.aim.targets));
+        let start = staging.frame(0, false, &title.aim.targets);
+        broadcast.paint(0, &start.activation);
+        broadcast.add(start);
         let interval = task.control_interval();
         let mut show =
             Show { staging, broadcast, joints, interval, walked: Walked::default(), told: 0 };
+        let positions = show.staging.puppet_mut().body().qpos().to_vec();
+        show.tell_joints(0, &positions);
         show.walk(&title.walked);
         Ok(Ok(show))
     }
@@ -140,32 +146,45 @@ struct Show {
 
 impl Show {
     fn add(&mut self, moment: &Moment) {
-        let puppet = self.staging.puppet_mut();
-        puppet.pose(&moment.state);
-        let angles = self.joints.iter().map(|&place| puppet.body().qpos()[place]).collect();
-        let frame = self.staging.frame(moment.step, moment.solved, &moment.targets);
-        let wide = |values: &[f32]| values.iter().map(|&value| f64::from(value)).collect();
-        let values: [(&str, Vec<f64>); 6] = [
-            (names::ACTIVATION, wide(&frame.activation)),
-            (CHOSEN, wide(&moment.chosen)),
-            (names::ACTION, wide(&moment.action)),
-            (names::JOINT, angles),
-            (names::REWARD_COMPONENT, moment.reward.clone()),
-            (names::SOLVED, vec![f64::from(u8::from(moment.solved))]),
-        ];
-        for (name, values) in values {
-            self.broadcast.tell(name, moment.step, values);
-        }
-        self.broadcast.add(frame);
-        self.walk(&moment.walked);
+        self.staging.puppet_mut().pose(&moment.state);
+        self.broadcast.add(self.staging.frame(moment.step, moment.solved, &moment.targets));
+        self.tell(&moment.told);
     }
 
-    /// Takes in what was felt at the next steps, of which there may be more than were shown.
+    /// Tells the numbers of steps, of which there may be more than are shown.
+    fn tell(&mut self, told: &Told) {
+        let wide = |&value: &f32| f64::from(value);
+        for (place, &step) in told.steps.iter().enumerate() {
+            let activation = told.row(&told.activation, place);
+            self.broadcast.paint(step, activation);
+            self.broadcast.tell(names::ACTIVATION, step, activation.iter().map(wide));
+            let chosen = told.row(&told.chosen, place);
+            self.broadcast.tell(CHOSEN, step, chosen.iter().map(wide));
+            let action = told.row(&told.action, place);
+            self.broadcast.tell(names::ACTION, step, action.iter().map(wide));
+            self.tell_joints(step, told.row(&told.positions, place));
+            let components = told.row(&told.reward_components, place);
+            self.broadcast.tell(names::REWARD_COMPONENT, step, components.iter().copied());
+            self.broadcast.tell(names::REWARD, step, [told.reward[place]]);
+            let solved = f64::from(u8::from(told.solved[place]));
+            self.broadcast.tell(names::SOLVED, step, [solved]);
+        }
+        self.walk(&told.walked);
+    }
+
+    fn tell_joints(&mut self, step: usize, positions: &[f64]) {
+        let joints = self.joints.iter().map(|&place| positions[place]);
+        self.broadcast.tell(names::JOINT, step, joints);
+    }
+
+    /// Takes in what was felt at the next steps.
     fn walk(&mut self, walked: &Walked) {
-        for touch in walked.contacts.chunks_exact(names::FEET.len()).enumerate() {
-            let (later, touch) = touch;
+        let touches = walked.contacts.chunks_exact(names::FEET.len());
+        let speeds = walked.velocity.chunks_exact(names::HEADING_AXES.len());
+        for (later, (touch, speed)) in touches.zip(speeds).enumerate() {
             let step = self.walked.len() + later;
             self.broadcast.tell(names::FOOT_CONTACT, step, touch.iter().copied());
+            self.broadcast.tell(names::ROOT_VELOCITY, step, speed.iter().copied());
         }
         self.walked.append(walked);
     }
@@ -207,10 +226,16 @@ fn signals(columns: &ChannelNames) -> Vec<Signal> {
     ];
     if *walking {
         let feet = names::FEET.map(str::to_owned);
-        signals.extend([signal(names::FOOT_CONTACT, "Touch forces (N)", &feet), gait_phase()]);
+        let axes = names::HEADING_AXES.map(str::to_owned);
+        signals.extend([
+            signal(names::FOOT_CONTACT, "Touch forces (N)", &feet),
+            gait_phase(),
+            signal(names::ROOT_VELOCITY, "Velocity of the root (m/s)", &axes),
+        ]);
     }
     signals.extend([
         signal(names::REWARD_COMPONENT, "Reward components", reward_components),
+        signal(names::REWARD, "Reward", &[String::new()]),
         Signal { scale: Scale::Flag, ..signal(names::SOLVED, "Solved", &[String::new()]) },
     ]);
     signals

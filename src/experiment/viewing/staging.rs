@@ -247,7 +247,7 @@ fn set_eye(stage: &mut Stage, start: &Frame, moves: &[bool], body: &Simulation) 
         Some(&goal) if stage.floor => (turned_from(centre, goal), 0.4),
         // What is to be reached on a table is seen from above.
         Some(_) if stage.bodies.iter().any(|body| body.name == TABLE) => ([0.6 * side, -0.65], 1.0),
-        _ => ([0.75 * side, -0.75], 0.4),
+        _ => ([0.82 * side, -0.82], 0.44),
     };
     stage.look_at = centre;
     stage.eye = [centre[0] + away[0] * size, centre[1] + away[1] * size, centre[2] + height * size];

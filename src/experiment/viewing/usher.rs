@@ -1,7 +1,8 @@
 //! Who is watched, and the channel on which the watched are told about: nobody who plays ever waits for it.
 //!
 //! Of all the bodies that play at once only a few have a seat on the stage, and none is shown more often than a viewer can
-//! draw. Where the channel is full, a frame is dropped and counted; the end of an episode is kept and told later.
+//! draw. Where the channel is full, a frame is dropped and counted, and its numbers go along with the next; the end of an
+//! episode is kept and told later.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -9,7 +10,7 @@ use std::sync::mpsc::{SyncSender, TrySendError};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use super::gait::Walked;
+use super::told::Told;
 use super::watching::{Moment, News, Seat, Seen, Title};
 
 /// Bodies that are shown at once.
@@ -31,14 +32,14 @@ pub(super) struct Usher {
 #[derive(Default)]
 struct Seats {
     taken: BTreeMap<Seat, Sitting>,
-    /// Episodes whose end found the channel full: nobody sits down before it is told, so that puppets do not pile up.
-    untold: Vec<Seat>,
+    /// Ends of episodes that found the channel full: nobody sits down before they are told, so that puppets do not pile up.
+    untold: Vec<News>,
 }
 
 struct Sitting {
     last_shown: Instant,
-    /// What was felt since the last frame that was taken.
-    walked: Walked,
+    /// The steps since the last frame that was taken.
+    told: Told,
 }
 
 impl Usher {
@@ -56,55 +57,58 @@ impl Usher {
     /// Gives `seat` to the episode that `title` tells of, if one is free.
     pub(super) fn begins(&self, seat: Seat, now: Instant, title: impl FnOnce() -> Title) {
         let mut seats = locked(&self.seats);
-        seats.untold.retain(|&seat| self.send(News::Ends { seat }).is_err());
+        let untold = std::mem::take(&mut seats.untold);
+        seats.untold = untold.into_iter().filter_map(|end| self.send(end).err()).collect();
         if seats.taken.len() + seats.untold.len() >= SEATS {
             return;
         }
         let title = Box::new(title());
         if self.send(News::Begins { seat, title }).is_ok() {
-            seats.taken.insert(seat, Sitting { last_shown: now, walked: Walked::default() });
+            seats.taken.insert(seat, Sitting { last_shown: now, told: Told::default() });
             count(&self.episodes);
         }
     }
 
-    /// A step of whoever has `seat` was made: `feel` what there is to feel, and show a frame if one is due, which it is at
-    /// the end in any case.
+    /// A step of whoever has `seat` was made: `take_in` its numbers, and show a frame if one is due, which it is at the end
+    /// in any case.
     pub(super) fn stepped(
         &self,
         seat: Seat,
         now: Instant,
         ends: bool,
-        feel: impl FnOnce(&mut Walked),
-        moment: impl FnOnce(Walked) -> Moment,
+        take_in: impl FnOnce(&mut Told),
+        moment: impl FnOnce(Told) -> Moment,
     ) {
         let mut seats = locked(&self.seats);
         let Some(sitting) = seats.taken.get_mut(&seat) else { return };
-        feel(&mut sitting.walked);
+        take_in(&mut sitting.told);
         let due = ends || now.duration_since(sitting.last_shown) >= BETWEEN_FRAMES;
         if !due {
             count(&self.passed_over);
             return;
         }
         sitting.last_shown = now;
-        let walked = std::mem::take(&mut sitting.walked);
+        let told = std::mem::take(&mut sitting.told);
         if ends {
             seats.taken.remove(&seat);
         }
         drop(seats);
-        match self.send(News::Frame { seat, moment: Box::new(moment(walked)) }) {
+        let mut left = Box::<Told>::default();
+        match self.send(News::Frame { seat, moment: Box::new(moment(told)) }) {
             Ok(()) => count(&self.shown),
             Err(refused) => {
                 count(&self.dropped);
-                // What was felt goes along with the next frame. Nobody else steps this body meanwhile.
-                if let (News::Frame { moment, .. }, Some(sitting)) =
-                    (refused, locked(&self.seats).taken.get_mut(&seat))
-                {
-                    sitting.walked = moment.walked;
+                // Its numbers go along with the next frame, or the end. Nobody else steps this body meanwhile.
+                if let News::Frame { moment, .. } = refused {
+                    match locked(&self.seats).taken.get_mut(&seat) {
+                        Some(sitting) => sitting.told = moment.told,
+                        None => *left = moment.told,
+                    }
                 }
             }
         }
-        if ends && self.send(News::Ends { seat }).is_err() {
-            locked(&self.seats).untold.push(seat);
+        if ends && let Err(end) = self.send(News::Ends { seat, told: left }) {
+            locked(&self.seats).untold.push(end);
         }
     }
 
@@ -148,6 +152,7 @@ mod tests {
     use std::sync::mpsc::{Receiver, sync_channel};
 
     use super::*;
+    use crate::experiment::viewing::gait::Walked;
     use crate::experiment::viewing::staging::Aim;
     use crate::sim::puppet::Snapshot;
     use crate::sim::recording::ChannelNames;
@@ -168,19 +173,16 @@ mod tests {
         }
     }
 
-    /// Makes the step `number` of the episode in `seat`, late enough to be shown, which four sensors feel.
+    /// Makes the step `number` of the episode in `seat`, late enough to be shown.
     fn step(usher: &Usher, start: Instant, seat: Seat, number: usize, ends: bool) {
         let now = start + BETWEEN_FRAMES * number as u32;
-        let feel = |walked: &mut Walked| walked.contacts.extend([number as f64; 4]);
-        usher.stepped(seat, now, ends, feel, |walked| Moment {
+        let take_in = |told: &mut Told| told.steps.push(number);
+        usher.stepped(seat, now, ends, take_in, |told| Moment {
             step: number,
             state: Snapshot::default(),
-            chosen: Vec::new(),
-            action: Vec::new(),
-            reward: Vec::new(),
             solved: false,
             targets: Vec::new(),
-            walked,
+            told,
         });
     }
 
@@ -189,7 +191,7 @@ mod tests {
         let letter = |news| match news {
             News::Begins { seat, .. } => ("begins", seat.1),
             News::Frame { seat, .. } => ("frame", seat.1),
-            News::Ends { seat } => ("ends", seat.1),
+            News::Ends { seat, .. } => ("ends", seat.1),
         };
         news.try_iter().map(letter).collect()
     }
@@ -214,25 +216,26 @@ mod tests {
         assert_eq!(usher.seen().episodes, 1, "nobody sits down while an end is not told");
         assert_eq!(told(&news), [("begins", 0), ("frame", 0), ("frame", 0), ("frame", 0)]);
         usher.begins((0, 2), start, title);
-        assert_eq!(told(&news), [("ends", 0), ("begins", 2)]);
+        let Ok(News::Ends { told: left, .. }) = news.try_recv() else { panic!("no end") };
+        assert!(left.steps.iter().copied().eq(4..=100), "{:?}", left.steps);
+        assert_eq!(told(&news), [("begins", 2)]);
         usher.close();
         assert!(news.recv().is_err(), "the end of everything needs no room");
     }
 
     #[test]
-    fn what_was_felt_in_frames_that_were_dropped_or_passed_over_comes_with_the_next() {
+    fn the_numbers_of_frames_that_were_dropped_or_passed_over_come_with_the_next() {
         let (sender, news) = sync_channel(1);
         let (usher, start) = (Usher::new(sender), Instant::now());
         usher.begins((0, 7), start, title);
         (1..6).for_each(|number| step(&usher, start, (0, 7), number, false));
         assert_eq!(told(&news), [("begins", 7)]);
         let too_soon = start + BETWEEN_FRAMES * 5 + BETWEEN_FRAMES / 2;
-        let feel = |walked: &mut Walked| walked.contacts.extend([5.5; 4]);
-        usher.stepped((0, 7), too_soon, false, feel, |_| unreachable!("it is not due"));
+        let take_in = |told: &mut Told| told.steps.push(6);
+        usher.stepped((0, 7), too_soon, false, take_in, |_| unreachable!("it is not due"));
         step(&usher, start, (0, 7), 7, false);
         let Ok(News::Frame { moment, .. }) = news.try_recv() else { panic!("no frame") };
-        let felt: Vec<f64> = moment.walked.contacts.iter().copied().step_by(4).collect();
-        assert_eq!(felt, [1.0, 2.0, 3.0, 4.0, 5.0, 5.5, 7.0]);
+        assert_eq!(moment.told.steps, [1, 2, 3, 4, 5, 6, 7]);
         assert_eq!(usher.seen(), Seen { episodes: 1, shown: 1, dropped: 5, passed_over: 1 });
     }
 

@@ -20,6 +20,7 @@ use crate::sim::watching::{Stepped, Watcher};
 use super::gait::Walked;
 use super::stagehand::Stagehand;
 use super::staging::Aim;
+use super::told::Told;
 use super::usher::{Usher, locked};
 
 /// Frames that may wait for the viewer.
@@ -51,9 +52,19 @@ pub(super) type Seat = (usize, usize);
 
 /// What goes to the other thread.
 pub(super) enum News {
-    Begins { seat: Seat, title: Box<Title> },
-    Frame { seat: Seat, moment: Box<Moment> },
-    Ends { seat: Seat },
+    Begins {
+        seat: Seat,
+        title: Box<Title>,
+    },
+    Frame {
+        seat: Seat,
+        moment: Box<Moment>,
+    },
+    /// `told` is what no frame brought along.
+    Ends {
+        seat: Seat,
+        told: Box<Told>,
+    },
 }
 
 /// An episode as it begins.
@@ -72,13 +83,10 @@ pub(super) struct Title {
 pub(super) struct Moment {
     pub(super) step: usize,
     pub(super) state: Snapshot,
-    pub(super) chosen: Vec<f32>,
-    pub(super) action: Vec<f32>,
-    pub(super) reward: Vec<f64>,
     pub(super) solved: bool,
     pub(super) targets: Vec<Target>,
-    /// What was felt since the frame before.
-    pub(super) walked: Walked,
+    /// This step and those since the frame before.
+    pub(super) told: Told,
 }
 
 impl Audience {
@@ -137,17 +145,14 @@ impl Watcher for Audience {
     }
 
     fn stepped(&self, job: usize, index: usize, environment: &Environment, stepped: &Stepped<'_>) {
-        let feel = |walked: &mut Walked| walked.feel(environment);
+        let take_in = |told: &mut Told| told.take_in(environment, stepped);
         let ends = stepped.outcome.ended();
-        self.usher.stepped((job, index), Instant::now(), ends, feel, |walked| Moment {
+        self.usher.stepped((job, index), Instant::now(), ends, take_in, |told| Moment {
             step: stepped.step,
             state: Snapshot::of(environment.simulation()),
-            chosen: stepped.chosen.to_vec(),
-            action: stepped.action.to_vec(),
-            reward: environment.components().to_vec(),
             solved: stepped.outcome.solved,
             targets: environment.task().targets(),
-            walked,
+            told,
         });
     }
 }

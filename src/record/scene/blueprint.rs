@@ -1,4 +1,5 @@
-//! How the viewer arranges an act: for every take its body above its heat map, side by side; the signals to the right.
+//! How the viewer arranges an act: a take has its body above its heat map, and its signals to the right; of several takes
+//! every one has a column, with its signals below.
 //!
 //! Rerun's own builder draws random names for views and containers. Here they are counted, so that equal acts give equal
 //! bytes.
@@ -18,15 +19,18 @@ use re_sdk_types::blueprint::components::{
 use re_sdk_types::components::{Color, Name, Position3D, Range1D, Visible};
 use re_sdk_types::datatypes::{self, Bool, Float32, Float64, TimeInt, TimeRangeBoundary, Uuid};
 
+use super::heat::Map;
 use super::script::{Act, Take};
 use super::signals::{Scale, Signal};
 use super::store::{SceneError, Store, TIME, blueprint_time};
-use super::{heat, seconds, stage};
+use super::{heat, nanoseconds, stage};
 
 /// Plots with more lines than this have no legend: it would hide them. One line needs none.
 const LEGENDS: std::ops::RangeInclusive<usize> = 2..=4;
-/// Height of the plot of a flag; that of others is 1.
-const FLAG_HEIGHT: f32 = 0.6;
+/// Height of the plot of a flag; that of others is at least 1.
+const FLAG_HEIGHT: f32 = 0.7;
+/// Height that a legend needs for itself, and for each of its lines.
+const LEGEND_HEIGHTS: [f32; 2] = [0.4, 0.28];
 /// Between two lines of the floor, m.
 const FLOOR_SPACING: f32 = 0.5;
 
@@ -38,18 +42,31 @@ pub(super) fn messages(act: &Act) -> Result<Vec<LogMsg>, SceneError> {
         format!("{} layout", act.task),
     );
     let mut plan = Plan { store: Store::new(id), count: 0 };
-    let mut columns = Vec::new();
-    for take in &act.takes {
-        let scene = plan.scene(take)?;
-        let map = plan.map(take, act.length())?;
-        let column =
-            plan.container(ContainerKind::Vertical, &take.label, &[scene, map], &[2.8, 1.0])?;
-        columns.push((column, 2.0));
-    }
-    let signals = plan.signals(act)?;
-    columns.push((signals, if act.takes.len() == 1 { 1.6 } else { 2.6 }));
-    let (contents, shares): (Vec<Part>, Vec<f32>) = columns.into_iter().unzip();
-    let root = plan.container(ContainerKind::Horizontal, &act.task, &contents, &shares)?;
+    let map = |take: &Take| Map::new(take.stage.muscles.len(), act.length(), act.takes.len());
+    let time = TimeAxis::new().with_view_range(episode(act));
+    let notes = plan.view("TextDocument", "Notes", &EntityPath::from("notes"), &[])?;
+    let root = if let [take] = act.takes.as_slice() {
+        let body = [plan.scene(take)?, plan.map(take, map(take))?];
+        let body = plan.container(ContainerKind::Vertical, &take.label, &body, &[2.8, 1.0])?;
+        let (plots, heights) = plan.plots(take, &time)?;
+        let plots = plan.container(ContainerKind::Vertical, "Signals", &plots, &heights)?;
+        let beside = [plots, notes];
+        let beside = plan.container(ContainerKind::Tabs, "Signals and notes", &beside, &[])?;
+        plan.container(ContainerKind::Horizontal, &act.task, &[body, beside], &[2.0, 1.6])?
+    } else {
+        let mut columns = Vec::new();
+        for take in &act.takes {
+            let (scene, map) = (plan.scene(take)?, plan.map(take, map(take))?);
+            let signals = plan.two_columns(take, &time)?;
+            let parts = [scene, map, signals];
+            let parts =
+                plan.container(ContainerKind::Vertical, &take.label, &parts, &[2.0, 1.0, 2.2])?;
+            columns.push(parts);
+        }
+        let shares = vec![1.0; columns.len()];
+        let takes = plan.container(ContainerKind::Horizontal, "Side by side", &columns, &shares)?;
+        plan.container(ContainerKind::Tabs, &act.task, &[takes, notes], &[])?
+    };
     plan.finish(&root)
 }
 
@@ -57,9 +74,22 @@ pub(super) fn messages(act: &Act) -> Result<Vec<LogMsg>, SceneError> {
 /// a step earlier than what is known after them, and would stand askew above it. (Linking the axes would do the same to them:
 /// the viewer then looks at the data alone.)
 fn episode(act: &Act) -> TimeRange {
-    let end = (seconds(act.length() - 1, act.interval) * 1e9).round() as i64;
+    let end = nanoseconds(act.length() - 1, act.interval);
     let at = |time| TimeRangeBoundary::Absolute(TimeInt(time));
     TimeRange(datatypes::TimeRange { start: at(0), end: at(end) })
+}
+
+/// Height of the plot of `signal`, which must have room for its legend.
+fn height(signal: &Signal) -> f32 {
+    let lines = signal.elements.len();
+    if signal.scale == Scale::Flag {
+        FLAG_HEIGHT
+    } else if LEGENDS.contains(&lines) {
+        let [alone, line] = LEGEND_HEIGHTS;
+        (alone + line * lines as f32).max(1.0)
+    } else {
+        1.0
+    }
 }
 
 /// A view or a container.
@@ -158,24 +188,17 @@ impl Plan {
     }
 
     /// The heat map with the names of its rows.
-    fn map(&mut self, take: &Take, steps: usize) -> Result<Part, SceneError> {
-        let muscles = take.stage.muscles.len();
-        let (x, y) = heat::bounds(muscles, steps);
+    fn map(&mut self, take: &Take, map: Map) -> Result<Part, SceneError> {
+        let (x, y) = map.bounds();
         let seen =
             datatypes::Range2D { x_range: datatypes::Range1D(x), y_range: datatypes::Range1D(y) };
         let bounds = VisualBounds2D::new(seen);
         let path = heat::path(&take.path());
-        self.view("2D", &heat::title(muscles), &path, &[("VisualBounds2D", &bounds)])
+        self.view("2D", &map.title(), &path, &[("VisualBounds2D", &bounds)])
     }
 
     /// One quantity over the `time` that all plots show.
-    fn plot(
-        &mut self,
-        title: &str,
-        take: &Take,
-        signal: &Signal,
-        time: &TimeAxis,
-    ) -> Result<Part, SceneError> {
+    fn plot(&mut self, take: &Take, signal: &Signal, time: &TimeAxis) -> Result<Part, SceneError> {
         let legend = PlotLegend::new()
             .with_visible(Visible(Bool(LEGENDS.contains(&signal.elements.len()))))
             .with_corner(Corner2D::RightTop);
@@ -185,42 +208,27 @@ impl Plan {
         };
         let properties: [(&str, &dyn AsComponents); 3] =
             [("PlotLegend", &legend), ("TimeAxis", time), ("ScalarAxis", &axis)];
-        self.view("TimeSeries", title, &signal.path(&take.path()), &properties)
+        self.view("TimeSeries", &signal.title, &signal.path(&take.path()), &properties)
     }
 
-    /// The signals: one plot per quantity, and of several takes one beside the other.
-    fn signals(&mut self, act: &Act) -> Result<Part, SceneError> {
-        let mut quantities: Vec<(&str, Scale)> = Vec::new();
-        for signal in act.takes.iter().flat_map(|take| &take.signals) {
-            if quantities.iter().all(|(name, _)| *name != signal.name) {
-                quantities.push((&signal.name, signal.scale));
-            }
+    /// A plot for every quantity, and their heights.
+    fn plots(&mut self, take: &Take, time: &TimeAxis) -> Result<(Vec<Part>, Vec<f32>), SceneError> {
+        let plots = take.signals.iter().map(|signal| self.plot(take, signal, time));
+        let plots = plots.collect::<Result<_, _>>()?;
+        Ok((plots, take.signals.iter().map(height).collect()))
+    }
+
+    /// The same from top to bottom in two columns.
+    fn two_columns(&mut self, take: &Take, time: &TimeAxis) -> Result<Part, SceneError> {
+        let (mut left, mut heights) = self.plots(take, time)?;
+        let middle = left.len().div_ceil(2);
+        let (right, lower) = (left.split_off(middle), heights.split_off(middle));
+        let left = self.container(ContainerKind::Vertical, "Signals", &left, &heights)?;
+        if right.is_empty() {
+            return Ok(left);
         }
-        let time = TimeAxis::new().with_view_range(episode(act));
-        let (mut plots, mut shares) = (Vec::new(), Vec::new());
-        for (name, scale) in quantities {
-            shares.push(if scale == Scale::Flag { FLAG_HEIGHT } else { 1.0 });
-            let mut row = Vec::new();
-            for take in &act.takes {
-                let Some(signal) = take.signals.iter().find(|signal| signal.name == name) else {
-                    continue;
-                };
-                let title = match act.takes.len() {
-                    1 => signal.title.clone(),
-                    _ => format!("{}, {}", signal.title, take.label),
-                };
-                row.push(self.plot(&title, take, signal, &time)?);
-            }
-            plots.push(match row.len() {
-                1 => row.remove(0),
-                _ => {
-                    self.container(ContainerKind::Horizontal, name, &row, &vec![1.0; row.len()])?
-                }
-            });
-        }
-        let notes = self.view("TextDocument", "Notes", &EntityPath::from("notes"), &[])?;
-        let plots = self.container(ContainerKind::Vertical, "Signals", &plots, &shares)?;
-        self.container(ContainerKind::Tabs, "Signals and notes", &[plots, notes], &[])
+        let right = self.container(ContainerKind::Vertical, "More signals", &right, &lower)?;
+        self.container(ContainerKind::Horizontal, "All signals", &[left, right], &[1.0, 1.0])
     }
 
     /// The frame around it, and the end.

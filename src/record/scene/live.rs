@@ -12,6 +12,7 @@ use re_sdk::sink::{GrpcSink, LogSink};
 
 use crate::units::Seconds;
 
+use super::heat::Map;
 use super::script::{Act, Take};
 use super::store::{SceneError, Store};
 use super::{Frame, Signal, Stage, blueprint, heat, stage};
@@ -101,6 +102,8 @@ pub struct Broadcast {
     store: Option<Store>,
     /// Activations so far, by step: the heat map.
     known: Vec<Vec<f32>>,
+    /// Whether there are some that were not sent.
+    is_painted: bool,
     /// For every signal the frames of its values.
     told: Vec<Vec<usize>>,
 }
@@ -117,7 +120,8 @@ impl Broadcast {
             takes: vec![take],
             ..Act::default()
         };
-        Self { act, store: None, known: Vec::new(), told: Vec::new() }
+        let (known, told) = (Vec::new(), Vec::new());
+        Self { act, store: None, known, is_painted: false, told }
     }
 
     /// Played under a condition, such as a number of components.
@@ -156,7 +160,7 @@ impl Broadcast {
         let take = &self.act.takes[0];
         let mut store = self.act.open(run)?;
         stage::set(&mut store, &take.path(), &take.stage)?;
-        heat::name_rows(&mut store, &take.path(), &take.stage.muscles, self.act.length())?;
+        self.map().name_rows(&mut store, &take.path(), &take.stage.muscles)?;
         for signal in &take.signals {
             signal.introduce(&mut store, &take.path())?;
         }
@@ -165,13 +169,22 @@ impl Broadcast {
         Ok(())
     }
 
+    fn map(&self) -> Map {
+        Map::new(self.act.takes[0].stage.muscles.len(), self.act.length(), 1)
+    }
+
     /// Keeps a frame until the next letter.
     pub fn add(&mut self, frame: Frame) {
-        if self.known.len() <= frame.step {
-            self.known.resize(frame.step + 1, vec![f32::NAN; frame.activation.len()]);
-        }
-        self.known[frame.step].clone_from(&frame.activation);
         self.act.takes[0].frames.push(frame);
+    }
+
+    /// Keeps the activations at a step, whether it is shown or not, for the heat map.
+    pub fn paint(&mut self, step: usize, activation: &[f32]) {
+        if self.known.len() <= step {
+            self.known.resize(step + 1, Vec::new());
+        }
+        self.known[step] = activation.to_vec();
+        self.is_painted = true;
     }
 
     /// Keeps the values of the signal `name` at a step until the next letter, also of a step that was not shown or is long
@@ -186,8 +199,9 @@ impl Broadcast {
 
     /// Sends what was kept.
     pub fn send(&mut self, viewer: &Viewer) -> Result<(), SceneError> {
+        let map = self.map();
         let Some(store) = &mut self.store else { return Ok(()) };
-        let (interval, all) = (self.act.interval, self.act.length());
+        let interval = self.act.interval;
         let take = &mut self.act.takes[0];
         let frames = std::mem::take(&mut take.frames);
         let path = take.path();
@@ -196,16 +210,14 @@ impl Broadcast {
             signal.values.clear();
             steps.clear();
         }
-        if frames.is_empty() {
-            viewer.send(store.take());
-            return Ok(());
+        if std::mem::take(&mut self.is_painted) {
+            map.show(store, &path, self.known.iter().map(Vec::as_slice))?;
         }
-        stage::show(store, &path, &take.stage, &frames, interval)?;
-        let muscles = take.stage.muscles.len();
-        let rows = self.known.iter().map(Vec::as_slice);
-        heat::show(store, &path, muscles, all, rows)?;
-        let steps: Vec<usize> = frames.iter().map(|frame| frame.step).collect();
-        heat::point(store, &path, muscles, all, &steps, interval)?;
+        if !frames.is_empty() {
+            stage::show(store, &path, &take.stage, &frames, interval)?;
+            let steps: Vec<usize> = frames.iter().map(|frame| frame.step).collect();
+            map.point(store, &path, &steps, interval)?;
+        }
         viewer.send(store.take());
         Ok(())
     }

@@ -6,8 +6,9 @@ use re_sdk_types::archetypes::TextDocument;
 
 use crate::units::Seconds;
 
+use super::heat::Map;
 use super::store::{SceneError, Store};
-use super::{Frame, Signal, Stage, heat, stage};
+use super::{Frame, Signal, Stage, stage};
 
 /// One policy playing an episode.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -80,12 +81,12 @@ impl Act {
                 signal.introduce(&mut store, &path)?;
                 signal.show(&mut store, &path, self.interval)?;
             }
-            let (muscles, all) = (take.stage.muscles.len(), self.length());
-            heat::name_rows(&mut store, &path, &take.stage.muscles, all)?;
+            let map = Map::new(take.stage.muscles.len(), self.length(), self.takes.len());
+            map.name_rows(&mut store, &path, &take.stage.muscles)?;
             let rows = take.frames.iter().map(|frame| frame.activation.as_slice());
-            heat::show(&mut store, &path, muscles, all, rows)?;
+            map.show(&mut store, &path, rows)?;
             let steps: Vec<usize> = take.frames.iter().map(|frame| frame.step).collect();
-            heat::point(&mut store, &path, muscles, all, &steps, self.interval)?;
+            map.point(&mut store, &path, &steps, self.interval)?;
         }
         Ok(store.take())
     }
