@@ -35,14 +35,15 @@ live() {
   if [ -n "${AFTER:-}" ]; then sleep "$AFTER"; else wait "$command"; fi
   # What has arrived must be drawn before it can be seen.
   sleep 3
-  "$python" - "$address" "$picture" <<'END'
+  # A viewer that is busy may refuse.
+  for _ in $(seq 10); do
+    "$python" - "$address" "$picture" <<'END'
 import sys
 from rerun.experimental import ViewerClient
 ViewerClient.connect(sys.argv[1]).save_screenshot(sys.argv[2])
 END
-  for _ in $(seq 100); do
+    sleep 1
     [ -s "$picture" ] && break
-    sleep 0.1
   done
   test -s "$picture"
   if [ -n "${AFTER:-}" ]; then wait "$command"; fi

@@ -8,7 +8,7 @@ use super::gait::Walked;
 /// What is shown of a recording, with what a person reads above it.
 const SHOWN: [(&str, &str, Scale); 9] = [
     (names::ACTIVATION, "Muscle activation", Scale::Share),
-    (names::ACTION_MEAN, "Action before projection and noise (the policy's mean)", Scale::Free),
+    (names::ACTION_MEAN, "Action before projection (the policy's mean)", Scale::Free),
     (names::ACTION, "Action sent to the body", Scale::Free),
     (names::JOINT, "Joint angles", Scale::Free),
     (names::FOOT_CONTACT, "Touch forces", Scale::Free),
