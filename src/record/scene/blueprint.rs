@@ -23,14 +23,14 @@ use super::heat::Map;
 use super::script::{Act, Take};
 use super::signals::{Scale, Signal};
 use super::store::{SceneError, Store, TIME, blueprint_time};
-use super::{heat, nanoseconds, stage};
+use super::{heat, seconds, stage};
 
 /// Plots with more lines than this have no legend: it would hide them. One line needs none.
 const LEGENDS: std::ops::RangeInclusive<usize> = 2..=4;
 /// Height of the plot of a flag; that of others is at least 1.
 const FLAG_HEIGHT: f32 = 0.7;
 /// Height that a legend needs for itself, and for each of its lines.
-const LEGEND_HEIGHTS: [f32; 2] = [0.4, 0.28];
+const LEGEND_HEIGHTS: [f32; 2] = [0.4, 0.34];
 /// Between two lines of the floor, m.
 const FLOOR_SPACING: f32 = 0.5;
 
@@ -74,7 +74,7 @@ pub(super) fn messages(act: &Act) -> Result<Vec<LogMsg>, SceneError> {
 /// a step earlier than what is known after them, and would stand askew above it. (Linking the axes would do the same to them:
 /// the viewer then looks at the data alone.)
 fn episode(act: &Act) -> TimeRange {
-    let end = nanoseconds(act.length() - 1, act.interval);
+    let end = (seconds(act.length() - 1, act.interval) * 1e9).round() as i64;
     let at = |time| TimeRangeBoundary::Absolute(TimeInt(time));
     TimeRange(datatypes::TimeRange { start: at(0), end: at(end) })
 }

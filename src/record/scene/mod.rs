@@ -84,7 +84,7 @@ pub struct Frame {
     pub solved: bool,
 }
 
-/// The time of a frame, ns, to the microsecond: where a physics step is not a short decimal, a person need not read the rest.
-fn nanoseconds(step: usize, interval: Seconds) -> i64 {
-    (step as f64 * interval * 1e6).round() as i64 * 1000
+/// The times of frames.
+fn seconds(step: usize, interval: Seconds) -> Seconds {
+    step as f64 * interval
 }

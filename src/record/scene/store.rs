@@ -16,7 +16,7 @@ use re_sdk::{
 
 use crate::units::Seconds;
 
-use super::nanoseconds;
+use super::seconds;
 
 /// Why a scene cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -114,8 +114,9 @@ impl Store {
             }
             (*timeline.name(), builder.build())
         };
+        let nanoseconds = |step| (seconds(step, interval) * 1e9).round() as i64;
         let timelines = [
-            times(Timeline::new_duration(TIME), &|step| nanoseconds(step, interval)),
+            times(Timeline::new_duration(TIME), &nanoseconds),
             times(Timeline::new_sequence(STEP), &|step| step as i64),
         ];
         let chunk = Chunk::from_native_row_ids(
