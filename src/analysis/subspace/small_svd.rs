@@ -42,7 +42,7 @@ impl WithSimd for SingularValues<'_> {
         let mut found = Vec::with_capacity(self.matrices.len());
         for matrices in self.matrices.chunks(S::F64_LANES) {
             let mut bidiagonal = Columns::new(simd, matrices).bidiagonalise(simd);
-            let counts: Vec<usize> = matrices.iter().map(|matrix| smaller_side(matrix)).collect();
+            let counts: Vec<usize> = matrices.iter().map(smaller_side).collect();
             let largest = bidiagonal.scale_and_square(simd)?;
             let Bidiagonal { diagonal, above } = &mut bidiagonal;
             if !Quotients::new(simd, diagonal, above, &counts).solve(simd) {
