@@ -29,7 +29,6 @@ const MOST_FAILURES: f64 = 2.0;
 const NEGLIGIBLE: f64 = 4.0 * f64::EPSILON * f64::EPSILON;
 /// In place of an e that has vanished, once it is known what had been subtracted then.
 const PARTED: f64 = -1.0;
-
 /// A little less than one: a bound that is multiplied with it stays one in spite of rounding.
 const JUST_BELOW: f64 = 1.0 - 2.0 * f64::EPSILON;
 
