@@ -42,6 +42,7 @@ elbow=$(run rollout "${data[@]}" --task myosuite_elbow_pose --episodes 10)
 keep "$(run synergies "${data[@]}" --recording "Elbow=$elbow" --episodes 10 --n-fits 2)" synergies variance reconstruction
 
 keep "$(run emg "${data[@]}" --subjects data/emg)" emg correlations subject_means
+keep "$(run factors "${data[@]}" --profiles data/emg/synthetic/invented_simulation.npz)" factors loadings
 
 for seed in 0 1; do
     "$program" --quiet train ppo --task elbow_pose --steps 40000 --seed "$seed" --out "$work/seed_$seed" > "$work/train.json"

@@ -1,4 +1,5 @@
-"""Makes the synthetic cohort in `data/emg/synthetic`: nine invented people with the timing of published ones.
+"""Makes the synthetic cohort in `data/emg/synthetic`, nine invented people with the timing of published ones, and an
+invented cycle of the fourteen muscles of `factors`.
 
     python3 scripts/synthetic_emg.py [FOLDER]
 
@@ -8,14 +9,21 @@ Technologies 4:e11; data: https://zenodo.org/records/7422031, CC BY 4.0) and rou
 0.05 of the maximum. Every invented person shifts, widens and scales the bursts a little, at random with a fixed seed. No
 recorded sample is in the result, and nothing about real people can be concluded from it.
 
+`invented_simulation.npz` holds an averaged gait cycle of the fourteen muscles in which `factors` looks for factors. It is
+made of five bursts, because five factors were found in people (Ivanenko, Poppele & Lacquaniti 2004, The Journal of
+Physiology 556:267): at the landing of the foot, in stance, at push-off, when the leg begins to swing and when it ends. Their
+places and the share that each muscle has of each are invented.
+
 Needs Python alone. Values are rounded to six decimals, so every machine writes the same bytes.
 """
 
+import io
 import math
 import pathlib
 import random
 import struct
 import sys
+import zipfile
 
 POINTS = 100
 SUBJECTS = range(4, 13)
@@ -34,10 +42,30 @@ CHANNELS = {
     "Vastus Medial": (0.15, [(4, 6, 0.85), (57, 5, 0.08)]),
 }
 
+# Five bursts (centre and standard deviation in percent of the cycle), and each muscle's constant and share of the bursts.
+FACTOR_POINTS = 200
+FACTOR_BURSTS = [(5, 5), (20, 6), (42, 5), (64, 6), (92, 5)]
+FACTOR_MUSCLES = {
+    "TA": (0.10, [0.30, 0.00, 0.00, 0.45, 0.35]),
+    "LG": (0.06, [0.00, 0.20, 0.75, 0.00, 0.00]),
+    "PERL": (0.08, [0.10, 0.30, 0.55, 0.05, 0.00]),
+    "VL": (0.06, [0.70, 0.20, 0.00, 0.00, 0.20]),
+    "RF": (0.07, [0.45, 0.10, 0.00, 0.40, 0.10]),
+    "SART": (0.05, [0.00, 0.05, 0.00, 0.60, 0.10]),
+    "BF": (0.06, [0.20, 0.00, 0.05, 0.00, 0.75]),
+    "ST": (0.05, [0.15, 0.00, 0.00, 0.10, 0.80]),
+    "TFL": (0.07, [0.30, 0.35, 0.00, 0.30, 0.00]),
+    "ADD": (0.06, [0.10, 0.00, 0.10, 0.50, 0.30]),
+    "GM": (0.05, [0.60, 0.15, 0.00, 0.00, 0.25]),
+    "Sol": (0.08, [0.05, 0.45, 0.65, 0.00, 0.00]),
+    "MG": (0.06, [0.00, 0.35, 0.75, 0.00, 0.00]),
+    "Gmed": (0.07, [0.50, 0.55, 0.05, 0.00, 0.05]),
+}
 
-def burst(point, centre, width, height):
+
+def burst(percent, centre, width, height):
     """A Gaussian on the cycle, whose end is its beginning."""
-    distance = (point - centre + POINTS / 2) % POINTS - POINTS / 2
+    distance = (percent - centre + 50) % 100 - 50
     return height * math.exp(-0.5 * (distance / width) ** 2)
 
 
@@ -58,12 +86,51 @@ def person(generator):
         ripple = [(generator.uniform(0, 0.03), generator.uniform(0, 2 * math.pi)) for _ in range(4)]
         column = []
         for point in range(POINTS):
-            value = constant + sum(burst(point, *one) for one in own)
+            value = constant + sum(burst(100 * point / POINTS, *one) for one in own)
             for order, (size, phase) in enumerate(ripple, start=1):
                 value += size * math.sin(2 * math.pi * order * point / POINTS + phase)
             column.append(round(gain * max(value, 0.0), 6))
         columns.append(column)
     return [[column[point] for column in columns] for point in range(POINTS)]
+
+
+def cycle(generator):
+    """One row per muscle: its activity over the cycle."""
+    rows = []
+    for constant, shares in FACTOR_MUSCLES.values():
+        ripple = [(generator.uniform(0, 0.02), generator.uniform(0, 2 * math.pi)) for _ in range(4)]
+        row = []
+        for point in range(FACTOR_POINTS):
+            percent = 100 * point / FACTOR_POINTS
+            bursts = zip(FACTOR_BURSTS, shares)
+            value = constant + sum(burst(percent, *where, share) for where, share in bursts)
+            for order, (size, phase) in enumerate(ripple, start=1):
+                value += size * math.sin(2 * math.pi * order * percent / 100 + phase)
+            row.append(round(max(value, 0.0), 6))
+        rows.append(row)
+    return rows
+
+
+def texts(labels):
+    """An array file of texts."""
+    width = max(len(label) for label in labels)
+    content = "".join(label.ljust(width, "\0") for label in labels).encode("utf-32-le")
+    return npy(f"<U{width}", f"({len(labels)},)", content)
+
+
+def numbers(rows):
+    """An array file of rows of numbers."""
+    values = [value for row in rows for value in row]
+    return npy("<f8", f"({len(rows)}, {len(rows[0])})", struct.pack(f"<{len(values)}d", *values))
+
+
+def npz(members):
+    """An archive of array files, stored as they are, of no date."""
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w") as archive:
+        for name, member in sorted(members.items()):
+            archive.writestr(zipfile.ZipInfo(f"{name}.npy"), member)
+    return content.getvalue()
 
 
 def npy(descr, shape, content):
@@ -79,16 +146,17 @@ def main():
     folder = pathlib.Path(sys.argv[1]) if len(sys.argv) > 1 else default
     folder.mkdir(parents=True, exist_ok=True)
     labels = ["Time", *CHANNELS]
-    width = max(len(label) for label in labels)
-    text = "".join(label.ljust(width, "\0") for label in labels).encode("utf-32-le")
-    (folder / "EMG_labels.npy").write_bytes(npy(f"<U{width}", f"({len(labels)},)", text))
+    (folder / "EMG_labels.npy").write_bytes(texts(labels))
     generator = random.Random(SEED)
     for subject in SUBJECTS:
         rows = person(generator)
-        values = [value for row in rows for value in row]
-        content = struct.pack(f"<{len(values)}d", *values)
-        name = f"EMG_subject_{subject:02d}_walk_45_avg.npy"
-        (folder / name).write_bytes(npy("<f8", f"({POINTS}, {len(labels)})", content))
+        (folder / f"EMG_subject_{subject:02d}_walk_45_avg.npy").write_bytes(numbers(rows))
+    invented = {
+        "emg_muscles": texts(list(CHANNELS)),
+        "factor_muscles": texts(list(FACTOR_MUSCLES)),
+        "invented_right": numbers(cycle(generator)),
+    }
+    (folder / "invented_simulation.npz").write_bytes(npz(invented))
     (folder / "SYNTHETIC").write_text(
         "These nine people are invented (scripts/synthetic_emg.py). Numbers made with them say nothing about humans.\n"
     )

@@ -309,6 +309,17 @@ fn factors_come_from_stored_profiles_and_say_which_they_miss() {
     assert!(ended.code == 1 && ended.stderr.contains("expected TA, LG"), "{}", ended.stderr);
 }
 
+#[test]
+fn a_fresh_clone_finds_factors_in_an_invented_cycle() {
+    let bench = Bench::new();
+    let cycle = format!("{}/synthetic/invented_simulation.npz", invented());
+    let document = bench.json(&["factors", "--profiles", &cycle, "--json"]);
+    assert_eq!(document["policy"], "invented_right");
+    assert_eq!(document["statistics"]["n_muscles"], 14);
+    assert_eq!(document["statistics"]["converged"], true);
+    assert_eq!(document["warnings"], Value::Array(Vec::new()));
+}
+
 /// Fifteen people of another laboratory, whose description gives these correlations of their mean profiles with those of
 /// the published people, stance taken as 62 % of the cycle.
 #[test]

@@ -6,6 +6,7 @@
 
 mod common;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use arnold_analyze::record::{names, read_recording};
@@ -13,6 +14,7 @@ use common::bench::{Bench, files_below};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use safetensors::tensor::{Dtype, TensorView};
+use serde_json::Value;
 
 const OBSERVATIONS: usize = 309;
 const MUSCLES: usize = 80;
@@ -121,4 +123,91 @@ fn the_emg_of_an_expert_that_falls_says_that_it_made_no_steps() {
     ];
     let ended = bench.run(&words);
     assert!(ended.stderr.contains("cycle"), "{}", ended.stderr);
+}
+
+/// An expert that falls, but with a step forward on the way: `scripts/make_stumbling_expert.py`.
+const STUMBLING: &str =
+    concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/walking/stumbling_expert.safetensors");
+
+/// What makes it stumble: ten episodes that differ by noise.
+fn stumble(data: &str) -> [&str; 11] {
+    [
+        "--policy",
+        STUMBLING,
+        "--task",
+        "kinesis_forward",
+        "--episodes",
+        "10",
+        "--action-noise",
+        "0.3",
+        "--deterministic",
+        "--data",
+        data,
+    ]
+}
+
+/// Everything that a run in `folder` of the bench wrote and that does not say how the walk was come by: the manifest does,
+/// and so does the head of a Parquet table, beside which the same table lies as text.
+fn found(bench: &Bench, folder: &str) -> BTreeMap<String, Vec<u8>> {
+    let files = files_below(&bench.path(folder)).into_iter();
+    files
+        .filter_map(|(path, bytes)| Some((path.split_once('/')?.1.to_owned(), bytes)))
+        .filter(|(name, _)| !name.ends_with(".parquet") && name != "manifest.json")
+        .collect()
+}
+
+#[test]
+fn a_walk_that_is_played_gives_what_its_recording_gives() {
+    let Some(data) = walking_body() else { return };
+    let bench = Bench::new();
+    let run = |words: &[&[&str]]| {
+        let ended = bench.run(&[&words.concat()[..], &["--quiet"]].concat());
+        assert_eq!(ended.code, 0, "{}", ended.stderr);
+    };
+    let play = stumble(&data);
+    run(&[&["rollout", "--out", "rolled"], &play]);
+    let rolled = files_below(&bench.path("rolled"));
+    let recording = rolled.keys().find(|name| name.ends_with(".parquet")).unwrap();
+    let recording = format!("stumbling_expert=rolled/{recording}");
+    let recorded = ["--recording", &recording];
+
+    let people = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/emg").display().to_string();
+    let emg = ["emg", "--subjects", &people, "--contact-threshold", "1", "--out"];
+    run(&[&emg, &["emg_played"], &play]);
+    run(&[&emg, &["emg_recorded"], &recorded]);
+    let played = found(&bench, "emg_played");
+    assert!(played == found(&bench, "emg_recorded"), "playing gives other muscles");
+    let cycles = String::from_utf8_lossy(&played["gait_cycles.csv"]);
+    assert!(cycles.lines().any(|line| line.contains(",true,")), "{cycles}");
+
+    let factors = ["factors", "--side", "left", "--contact-threshold", "1", "--out"];
+    run(&[&factors, &["factors_played"], &play]);
+    run(&[&factors, &["factors_recorded"], &recorded]);
+    let played = found(&bench, "factors_played");
+    assert!(played.contains_key("loadings.csv"));
+    assert!(played == found(&bench, "factors_recorded"), "playing gives other factors");
+}
+
+#[test]
+fn a_policy_without_a_step_is_told_so_and_is_a_result_where_that_is_allowed() {
+    let Some(data) = walking_body() else { return };
+    let bench = Bench::new();
+    let people = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/emg").display().to_string();
+    let play = stumble(&data);
+    // Nobody is so heavy.
+    let emg = ["emg", "--subjects", &people, "--contact-threshold", "100000"];
+    let factors = ["factors", "--contact-threshold", "100000"];
+    for command in [&emg[..], &factors] {
+        let ended = bench.run(&[command, &play].concat());
+        assert_eq!((ended.code, ended.stdout.as_str()), (1, ""), "{}", ended.stderr);
+        let what = "no gait cycle was kept of 0 detected, in the walk of `stumbling_expert`";
+        assert!(ended.stderr.contains(what), "{}", ended.stderr);
+        assert!(ended.stderr.contains("hint: a policy that does not walk"), "{}", ended.stderr);
+    }
+    let ended = bench.run(&[&emg[..], &play, &["--allow-empty", "--json"]].concat());
+    assert_eq!(ended.code, 3, "{}", ended.stderr);
+    let document: Value = serde_json::from_str(&ended.stdout).unwrap();
+    let policy = &document["policies"][0];
+    assert_eq!((&policy["policy"], &policy["detected"]), (&"stumbling_expert".into(), &0.into()));
+    assert!(policy["correlation"].is_null(), "{policy}");
 }

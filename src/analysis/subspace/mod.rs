@@ -9,6 +9,7 @@ mod pair_comparison;
 mod pca;
 mod principal_angles;
 mod projection;
+mod quotients;
 mod reconstruction;
 mod ridge_projection;
 mod small_svd;

@@ -13,10 +13,12 @@
 //! Degenerate: an empty subspace, or bodies of different size, are errors. Directions beyond the rank of the data are
 //! arbitrary, and so are their angles. Oracle: `tests/analysis_parity.rs`, algorithms `principal_angles`, `pvd_pad`.
 
+use std::cmp::Reverse;
+
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par};
 
-use super::small_svd::SmallSvd;
+use super::small_svd::singular_values;
 use super::{PrincipalComponents, SubspaceError};
 
 /// Squared cosine above which an angle is below 45°.
@@ -53,10 +55,8 @@ pub fn principal_angles(
     matmul(cosines.as_mut(), Accum::Replace, small, large.transpose(), 1.0, Par::Seq);
     let mut rest = small.to_owned();
     matmul(rest.as_mut(), Accum::Add, cosines.as_ref(), large, -1.0, Par::Seq);
-    let mut angles = Vec::new();
-    let near = BELOW_HALF_RIGHT;
-    push_angles(&mut SmallSvd::default(), (cosines.as_ref(), rest.as_ref()), near, &mut angles)?;
-    Ok(angles)
+    let found = angles_of(&[(cosines.as_ref(), rest.as_ref())], BELOW_HALF_RIGHT)?;
+    Ok(found.into_iter().flatten().collect())
 }
 
 fn values_rows(values: &[f64], muscles: usize) -> usize {
@@ -79,47 +79,58 @@ pub fn leading_subspace_angles(
     let (first, second) = (rows(&first.components), rows(&second.components));
     matmul(products.as_mut(), Accum::Replace, first, second.transpose(), 1.0, Par::Seq);
     let products = products.as_ref();
-    let mut svd = SmallSvd::default();
-    (1..=muscles)
-        .map(|count| {
+    // Blocks of equal size next to each other; there are no angles but zero between all components and all.
+    let mut counts: Vec<usize> = (1..muscles).collect();
+    counts.sort_by_key(|&count| Reverse(count.min(muscles - count)));
+    let blocks: Vec<_> = counts
+        .iter()
+        .map(|&count| {
             let rest = muscles - count;
-            let mut angles = Vec::with_capacity(count);
-            let blocks = if count <= rest {
-                (products.submatrix(0, 0, count, count), products.submatrix(count, 0, rest, count))
+            let block = |row, column, rows, columns| products.submatrix(row, column, rows, columns);
+            if count <= rest {
+                (block(0, 0, count, count), block(count, 0, rest, count))
             } else {
-                angles.resize(count - rest, 0.0);
-                let cosines = products.submatrix(count, count, rest, rest);
-                (cosines, products.submatrix(0, count, count, rest))
-            };
-            push_angles(&mut svd, blocks, BELOW_A_THOUSANDTH, &mut angles)?;
-            Ok(angles)
+                (block(count, count, rest, rest), block(0, count, count, rest))
+            }
         })
-        .collect()
+        .collect();
+    let mut angles: Vec<Vec<f64>> = (1..=muscles).map(|count| vec![0.0; count]).collect();
+    for (count, found) in counts.into_iter().zip(angles_of(&blocks, BELOW_A_THOUSANDTH)?) {
+        angles[count - 1][count - found.len()..].copy_from_slice(&found);
+    }
+    Ok(angles)
 }
 
-/// Adds rising angles from two matrices whose singular values are their cosines and sines. Sines count for angles whose
+/// Rising angles from pairs of matrices whose singular values are their cosines and sines. Sines count for angles whose
 /// squared cosine is above `near`.
-fn push_angles(
-    svd: &mut SmallSvd,
-    (cosines, sines): (MatRef<'_, f64>, MatRef<'_, f64>),
+fn angles_of(
+    pairs: &[(MatRef<'_, f64>, MatRef<'_, f64>)],
     near: f64,
-    angles: &mut Vec<f64>,
-) -> Result<(), SubspaceError> {
-    let muscles = sines.nrows().max(sines.ncols());
-    let failed = SubspaceError::NoConvergence { muscles };
-    let start = angles.len();
-    let found = svd.values(cosines).ok_or(failed.clone())?;
+) -> Result<Vec<Vec<f64>>, SubspaceError> {
+    let values = |matrices: &[MatRef<'_, f64>]| {
+        let muscles = matrices.iter().map(|matrix| matrix.nrows().max(matrix.ncols())).max();
+        let failed = SubspaceError::NoConvergence { muscles: muscles.unwrap_or(0) };
+        singular_values(matrices).ok_or(failed)
+    };
+    let (cosines, sines): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
     // Cosines fall while angles rise.
-    angles.extend(found.iter().map(|cosine| cosine.min(1.0).acos()));
-    let small = found.iter().take_while(|&&cosine| cosine * cosine > near).count();
-    if small > 0 {
-        let found = svd.values(sines).ok_or(failed)?;
+    let mut angles = values(&cosines)?;
+    let small: Vec<usize> = angles
+        .iter()
+        .map(|cosines| cosines.iter().take_while(|&&cosine| cosine * cosine > near).count())
+        .collect();
+    for cosine in angles.iter_mut().flatten() {
+        *cosine = cosine.min(1.0).acos();
+    }
+    let close: Vec<usize> = (0..small.len()).filter(|&index| small[index] > 0).collect();
+    let sines: Vec<_> = close.iter().map(|&index| sines[index]).collect();
+    for (index, sines) in close.into_iter().zip(values(&sines)?) {
         // Sines fall while angles fall.
-        for (angle, sine) in angles[start..start + small].iter_mut().zip(found.iter().rev()) {
+        for (angle, sine) in angles[index][..small[index]].iter_mut().zip(sines.iter().rev()) {
             *angle = sine.min(1.0).asin();
         }
     }
-    Ok(())
+    Ok(angles)
 }
 
 #[cfg(test)]

@@ -1,303 +1,216 @@
-//! Singular values of small matrices, many of them one after the other.
+//! Singular values of small matrices, as many side by side as a vector holds numbers.
 //!
-//! Reflections make the matrix bidiagonal (Golub & Kahan 1965); differential quotient-difference steps with shifts, one
-//! division per row, find the squares of its singular values (Fernando & Parlett 1994). A shift that is too large shows
-//! itself by a negative square, and the step is taken again with a smaller one. Values only, off by a few ε of the largest.
+//! Reflections make each matrix bidiagonal (Golub & Kahan 1965); [`super::quotients`] finds the squares of its singular
+//! values. Values only, off by a few ε of the largest.
 //!
-//! For a handful of columns a general decomposition spends most of its time on preparations. Here the memory is kept
-//! from one matrix to the next, columns are padded to whole vectors, and the loops are compiled for the widest vector
-//! instructions of the machine. Sums keep eight partial sums and fold them in one order.
+//! For a handful of columns a general decomposition spends most of its time on preparations, and one matrix alone waits
+//! for every sum and every quotient. So each number of a vector belongs to another matrix: nothing is ever added up
+//! across a vector, and as many results as it holds are waited for together. No matrix feels its neighbours: its values
+//! do not depend on what lies beside it. Smaller ones are filled up with zeros, which stay zero, so neighbours should be
+//! of similar size.
 //!
 //! Entries should be of magnitude one, as those of a product of two orthonormal bases are: their squares must not
-//! overflow. Oracle: the general decomposition of faer, below.
+//! overflow, and columns whose square sum is below 10⁻²⁸⁰ count as zero. Oracle: the general decomposition of faer, below.
 
 #![expect(clippy::inline_always, reason = "only what is inlined is compiled for wide vectors")]
 
 use faer::MatRef;
-use faer::traits::pulp::{self, Simd, WithSimd};
+use faer::traits::pulp::{self, Simd, WithSimd, bytemuck};
 
-/// Partial sums side by side.
-const LANES: usize = 8;
-/// Steps per singular value; three or four are usual.
-const MOST_STEPS: usize = 60;
-/// Square of an entry beside the diagonal, of the largest, that changes no value by more than a few ε.
-const NEGLIGIBLE: f64 = 4.0 * f64::EPSILON * f64::EPSILON;
+use super::quotients::Quotients;
 
-/// Memory for one decomposition after the other.
-#[derive(Debug, Default)]
-pub(super) struct SmallSvd {
-    /// Column after column, each padded with zeros to whole lanes.
-    columns: Vec<f64>,
-    reflector: Vec<f64>,
-    weights: Vec<f64>,
-    sums: Vec<f64>,
-    diagonal: Vec<f64>,
-    above: Vec<f64>,
-    next_diagonal: Vec<f64>,
-    next_above: Vec<f64>,
+/// Rows handled together, so that a sum need not wait for its own last addition.
+const GROUP: usize = 4;
+/// Sums of squares below this count as zero.
+const NOTHING: f64 = 1e-280;
+
+/// The singular values of each of `matrices`, falling; `None` if some did not converge, as with entries that are not
+/// finite.
+pub(super) fn singular_values(matrices: &[MatRef<'_, f64>]) -> Option<Vec<Vec<f64>>> {
+    pulp::Arch::new().dispatch(SingularValues { matrices })
 }
 
-impl SmallSvd {
-    /// The singular values of `matrix`, falling; `None` if they did not converge, as with entries that are not finite.
-    pub(super) fn values(&mut self, matrix: MatRef<'_, f64>) -> Option<&[f64]> {
-        let tall = if matrix.nrows() < matrix.ncols() { matrix.transpose() } else { matrix };
-        let (rows, count) = tall.shape();
-        let stride = rows.next_multiple_of(LANES);
-        self.columns.clear();
-        for column in tall.col_iter() {
-            self.columns.extend(column.iter());
-            self.columns.resize(self.columns.len() + stride - rows, 0.0);
-        }
-        for (memory, length) in [
-            (&mut self.reflector, stride),
-            (&mut self.sums, stride),
-            (&mut self.weights, count),
-            (&mut self.diagonal, count),
-            (&mut self.above, count),
-            (&mut self.next_diagonal, count),
-            (&mut self.next_above, count),
-        ] {
-            memory.clear();
-            memory.resize(length, 0.0);
-        }
-        pulp::Arch::new().dispatch(Bidiagonalise { svd: self, rows, stride });
-        self.diagonalise().then_some(self.diagonal.as_slice())
-    }
+struct SingularValues<'a> {
+    matrices: &'a [MatRef<'a, f64>],
+}
 
-    /// From the bidiagonal to the singular values, falling, in `diagonal`. Whether that succeeded.
-    fn diagonalise(&mut self) -> bool {
-        let Self { diagonal, above, next_diagonal, next_above, .. } = self;
-        let entries = || diagonal.iter().chain(&*above).map(|x| x.abs());
-        if !entries().all(f64::is_finite) {
-            return false;
-        }
-        let largest = entries().fold(0.0, f64::max);
-        if largest > 0.0 {
-            for entry in diagonal.iter_mut().chain(above.iter_mut()) {
-                *entry = (*entry / largest) * (*entry / largest);
-            }
-            let mut quotients =
-                Quotients { q: diagonal, e: above, next_q: next_diagonal, next_e: next_above };
-            if !quotients.solve() {
-                return false;
-            }
-            diagonal.iter_mut().for_each(|square| *square = largest * square.sqrt());
-        }
-        diagonal.sort_unstable_by(|a, b| b.total_cmp(a));
-        true
-    }
+impl WithSimd for SingularValues<'_> {
+    type Output = Option<Vec<Vec<f64>>>;
 
-    /// Leaves the bidiagonal in `diagonal` and `above`, the entry right of each. What is above the diagonal of `columns`
-    /// is used up and then holds nothing of meaning.
     #[inline(always)]
-    fn bidiagonalise(&mut self, rows: usize, stride: usize) {
-        let Self { columns, reflector, weights, sums, diagonal, above, .. } = self;
-        let count = diagonal.len();
-        for step in 0..count {
-            // Whole lanes from the first that holds something.
-            let start = step / LANES * LANES;
-            let (done, rest) = columns.split_at_mut((step + 1) * stride);
-            let column = &mut done[step * stride..];
-            column[start..step].fill(0.0);
-            let reflector = &mut reflector[start..stride];
-            reflector.copy_from_slice(&column[start..]);
-            if rows > step + 1 {
-                let norm = dot(reflector, reflector).sqrt();
-                let first = column[step];
-                diagonal[step] = -norm.copysign(first);
-                if norm > 0.0 {
-                    reflector[step - start] = first - diagonal[step];
-                    let scale = 1.0 / (norm * (norm + first.abs()));
-                    for column in rest.chunks_exact_mut(stride) {
-                        let column = &mut column[start..];
-                        add(column, -scale * dot(reflector, column), reflector);
-                    }
-                }
-            } else {
-                diagonal[step] = column[step];
+    fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
+        let mut found = Vec::with_capacity(self.matrices.len());
+        for matrices in self.matrices.chunks(S::F64_LANES) {
+            let mut bidiagonal = Columns::new(simd, matrices).bidiagonalise(simd);
+            let counts: Vec<usize> = matrices.iter().map(smaller_side).collect();
+            let largest = bidiagonal.scale_and_square(simd)?;
+            let Bidiagonal { diagonal, above } = &mut bidiagonal;
+            if !Quotients::new(simd, diagonal, above, &counts).solve(simd) {
+                return None;
             }
-            if step + 2 >= count {
-                if step + 1 < count {
-                    above[step] = rest[step];
-                }
-                continue;
+            for entry in diagonal.iter_mut() {
+                *entry = simd.mul_f64s(largest, simd.sqrt_f64s(*entry));
             }
-            let weights = &mut weights[step + 1..];
-            let mut square = 0.0;
-            for (weight, column) in weights.iter_mut().zip(rest.chunks_exact(stride)) {
-                *weight = column[step];
-                square += *weight * *weight;
-            }
-            let (norm, first) = (square.sqrt(), weights[0]);
-            above[step] = -norm.copysign(first);
-            if norm > 0.0 {
-                weights[0] = first - above[step];
-                let scale = 1.0 / (norm * (norm + first.abs()));
-                let sums = &mut sums[start..stride];
-                sums.fill(0.0);
-                for (&weight, column) in weights.iter().zip(rest.chunks_exact(stride)) {
-                    add(sums, weight, &column[start..]);
-                }
-                for (&weight, column) in weights.iter().zip(rest.chunks_exact_mut(stride)) {
-                    add(&mut column[start..], -scale * weight, sums);
-                }
+            let diagonal = bytemuck::cast_slice::<S::f64s, f64>(diagonal);
+            for (lane, &count) in counts.iter().enumerate() {
+                let mut values: Vec<f64> =
+                    diagonal.iter().skip(lane).step_by(S::F64_LANES).take(count).copied().collect();
+                values.sort_unstable_by(|a, b| b.total_cmp(a));
+                found.push(values);
             }
         }
+        Some(found)
     }
 }
 
-/// The loops of [`SmallSvd::bidiagonalise`], to be compiled for the widest vectors.
-struct Bidiagonalise<'a> {
-    svd: &'a mut SmallSvd,
-    rows: usize,
+fn smaller_side(matrix: &MatRef<'_, f64>) -> usize {
+    matrix.nrows().min(matrix.ncols())
+}
+
+/// Some matrices, none wider than it is high: column after column, in groups of rows.
+struct Columns<S: Simd> {
+    groups: Vec<[S::f64s; GROUP]>,
+    count: usize,
+    /// Groups of a column.
     stride: usize,
 }
 
-impl WithSimd for Bidiagonalise<'_> {
-    type Output = ();
+/// What is left of them: their diagonals, and the entries right of these.
+struct Bidiagonal<S: Simd> {
+    diagonal: Vec<S::f64s>,
+    /// As long as the diagonal; the last one is zero.
+    above: Vec<S::f64s>,
+}
 
+impl<S: Simd> Columns<S> {
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        self.svd.bidiagonalise(self.rows, self.stride);
-    }
-}
-
-/// Sum of products; both come in whole lanes.
-#[inline(always)]
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut lanes = [0.0; LANES];
-    for (a, b) in a.as_chunks::<LANES>().0.iter().zip(b.as_chunks::<LANES>().0) {
-        for ((lane, a), b) in lanes.iter_mut().zip(a).zip(b) {
-            *lane += a * b;
-        }
-    }
-    let [a, b, c, d, e, f, g, h] = lanes;
-    ((a + b) + (c + d)) + ((e + f) + (g + h))
-}
-
-/// Adds `scale` times `other`.
-#[inline(always)]
-fn add(to: &mut [f64], scale: f64, other: &[f64]) {
-    for (to, other) in to.as_chunks_mut::<LANES>().0.iter_mut().zip(other.as_chunks::<LANES>().0) {
-        for (to, other) in to.iter_mut().zip(other) {
-            *to += scale * other;
-        }
-    }
-}
-
-/// Squares of singular values, from the squares of a bidiagonal matrix by differential quotient-difference steps.
-struct Quotients<'a> {
-    /// Squares of the diagonal.
-    q: &'a mut [f64],
-    /// Squares of the entries right of it.
-    e: &'a mut [f64],
-    /// The same after a step that may still be rejected.
-    next_q: &'a mut [f64],
-    next_e: &'a mut [f64],
-}
-
-/// Rows that do not depend on others any more, and what was subtracted from their squares.
-struct Block {
-    first: usize,
-    last: usize,
-    shift: f64,
-}
-
-/// How a step went.
-enum Step {
-    /// With an upper bound for what the smallest square still is.
-    Accepted {
-        bound: f64,
-    },
-    /// The shift was a little too large; this one is not.
-    JustMissed {
-        shift: f64,
-    },
-    Rejected,
-}
-
-impl Quotients<'_> {
-    /// Replaces `q` by the squares, in no order. Whether that succeeded. The largest entry must be 1.
-    fn solve(&mut self) -> bool {
-        let Some(last) = self.q.len().checked_sub(1) else { return true };
-        let mut steps = MOST_STEPS * self.q.len();
-        let mut blocks = vec![Block { first: 0, last, shift: 0.0 }];
-        while let Some(mut block) = blocks.pop() {
-            let mut bound = f64::INFINITY;
-            // Small squares are found fastest at the end.
-            if 1.5 * self.q[block.first] < self.q[block.last] {
-                self.q[block.first..=block.last].reverse();
-                self.e[block.first..block.last].reverse();
+    fn new(simd: S, matrices: &[MatRef<'_, f64>]) -> Self {
+        let count = matrices.iter().map(smaller_side).max().unwrap_or(0);
+        let rows = matrices.iter().map(|matrix| matrix.nrows().max(matrix.ncols())).max();
+        let stride = rows.unwrap_or(0).div_ceil(GROUP);
+        let mut groups = vec![[simd.splat_f64s(0.0); GROUP]; count * stride];
+        let entries = bytemuck::cast_slice_mut::<S::f64s, f64>(groups.as_flattened_mut());
+        for (lane, matrix) in matrices.iter().enumerate() {
+            let tall = if matrix.nrows() < matrix.ncols() { matrix.transpose() } else { *matrix };
+            let length = stride * GROUP * S::F64_LANES;
+            for (to, from) in entries.chunks_exact_mut(length).zip(tall.col_iter()) {
+                let to = to.iter_mut().skip(lane).step_by(S::F64_LANES);
+                to.zip(from.iter()).for_each(|(to, from)| *to = *from);
             }
-            loop {
-                let Block { first, last, shift } = block;
-                if let Some(at) = (first..last).rev().find(|&at| self.e[at] <= NEGLIGIBLE) {
-                    blocks.push(Block { first, last: at, shift });
-                    block.first = at + 1;
-                }
-                if block.first == block.last {
-                    self.q[block.last] += block.shift;
-                    break;
-                }
-                if steps == 0 {
-                    return false;
-                }
-                steps -= 1;
-                let mut tried = self.smaller_of_last_two(&block).min(bound);
-                let mut failures = 0;
-                bound = loop {
-                    match self.step(&block, tried) {
-                        Step::Accepted { bound } => break bound,
-                        // Without a shift nothing can fail but arithmetic.
-                        _ if tried <= 0.0 => return false,
-                        Step::JustMissed { shift } if failures < 2 => tried = shift,
-                        _ if failures < 2 => tried *= 0.25,
-                        _ => tried = 0.0,
+        }
+        Self { groups, count, stride }
+    }
+
+    /// Reflects from the left and from the right in turn. What is above the diagonal of the columns is used up and then
+    /// holds nothing of meaning; so groups can be handled as a whole that begin above it.
+    #[inline(always)]
+    fn bidiagonalise(mut self, simd: S) -> Bidiagonal<S> {
+        let Self { count, stride, .. } = self;
+        let zero = simd.splat_f64s(0.0);
+        let (mut diagonal, mut above) = (vec![zero; count], vec![zero; count]);
+        let mut weights = vec![zero; count];
+        for step in 0..count {
+            let (group, row) = (step / GROUP, step % GROUP);
+            let (done, rest) = self.groups.split_at_mut((step + 1) * stride);
+            let reflector = &mut done[step * stride + group..];
+            // Rows above this one take no part.
+            reflector[0][..row].fill(zero);
+            let first = reflector[0][row];
+            let (image, scale) = reflect(simd, dot(simd, reflector, reflector), first);
+            diagonal[step] = image;
+            reflector[0][row] = simd.sub_f64s(first, image);
+            for column in rest.chunks_exact_mut(stride) {
+                let column = &mut column[group..];
+                let share = simd.mul_f64s(scale, dot(simd, reflector, column));
+                for (to, from) in column.iter_mut().zip(&*reflector) {
+                    for (to, from) in to.iter_mut().zip(from) {
+                        *to = simd.mul_add_e_f64s(share, *from, *to);
                     }
-                    failures += 1;
-                };
-                block.shift += tried;
+                }
+            }
+            if step + 1 == count {
+                break;
+            }
+            let weights = &mut weights[step + 1..];
+            let mut square = zero;
+            for (weight, column) in weights.iter_mut().zip(rest.chunks_exact(stride)) {
+                *weight = column[group][row];
+                square = simd.mul_add_e_f64s(*weight, *weight, square);
+            }
+            let first = weights[0];
+            let (image, scale) = reflect(simd, square, first);
+            above[step] = image;
+            weights[0] = simd.sub_f64s(first, image);
+            for group in (step + 1) / GROUP..stride {
+                let mut sums = [zero; GROUP];
+                for (&weight, column) in weights.iter().zip(rest.chunks_exact(stride)) {
+                    for (sum, value) in sums.iter_mut().zip(column[group]) {
+                        *sum = simd.mul_add_e_f64s(weight, value, *sum);
+                    }
+                }
+                for sum in &mut sums {
+                    *sum = simd.mul_f64s(scale, *sum);
+                }
+                for (&weight, column) in weights.iter().zip(rest.chunks_exact_mut(stride)) {
+                    for (value, sum) in column[group].iter_mut().zip(sums) {
+                        *value = simd.mul_add_e_f64s(weight, sum, *value);
+                    }
+                }
             }
         }
-        true
+        Bidiagonal { diagonal, above }
     }
+}
 
-    /// The smaller square of the last two rows of a block alone: not below that of the block.
-    fn smaller_of_last_two(&self, block: &Block) -> f64 {
-        let (q, above, last) = (self.q[block.last - 1], self.e[block.last - 1], self.q[block.last]);
-        let (trace, product) = (q + above + last, q * last);
-        let root = (trace * trace - 4.0 * product).max(0.0).sqrt();
-        2.0 * product / (trace + root)
+impl<S: Simd> Bidiagonal<S> {
+    /// Divides every matrix by its largest entry and squares; these largest entries, `None` if one is not finite.
+    #[inline(always)]
+    fn scale_and_square(&mut self, simd: S) -> Option<S::f64s> {
+        let zero = simd.splat_f64s(0.0);
+        let (mut largest, mut odd) = (zero, zero);
+        for &entry in self.diagonal.iter().chain(&self.above) {
+            largest = simd.max_f64s(simd.abs_f64s(entry), largest);
+            // Zero, or not a number.
+            odd = simd.mul_add_e_f64s(entry, zero, odd);
+        }
+        if !bytemuck::cast_slice(&[odd]).iter().all(|&odd: &f64| odd == 0.0) {
+            return None;
+        }
+        let is_something = simd.greater_than_f64s(largest, zero);
+        for entry in self.diagonal.iter_mut().chain(&mut self.above) {
+            let share = simd.div_f64s(*entry, largest);
+            *entry = simd.select_f64s(is_something, simd.mul_f64s(share, share), zero);
+        }
+        Some(largest)
     }
+}
 
-    /// One step; what it made is kept if no square turned negative.
-    fn step(&mut self, block: &Block, shift: f64) -> Step {
-        let Block { first, last, .. } = *block;
-        let (q, e) = (&self.q[first..=last], &self.e[first..last]);
-        let (next_q, next_e) = (&mut self.next_q[first..=last], &mut self.next_e[first..last]);
-        let mut rest = q[0] - shift;
-        let mut smallest = f64::INFINITY;
-        let pairs = next_q.iter_mut().zip(next_e.iter_mut());
-        for (((next_q, next_e), &e), &q) in pairs.zip(e).zip(&q[1..]) {
-            smallest = smallest.min(rest);
-            *next_q = rest + e;
-            let ratio = q / *next_q;
-            *next_e = e * ratio;
-            rest = rest * ratio - shift;
+/// What the first entry of a vector becomes when all others are reflected away, given the sum of all squares. With it
+/// `-1 / (norm · (norm + |first|))`, which scales the reflection.
+#[inline(always)]
+fn reflect<S: Simd>(simd: S, square: S::f64s, first: S::f64s) -> (S::f64s, S::f64s) {
+    let (zero, nothing) = (simd.splat_f64s(0.0), simd.splat_f64s(NOTHING));
+    // Not so what is not a number.
+    let is_nothing = simd.less_than_or_equal_f64s(square, nothing);
+    let norm = simd.select_f64s(is_nothing, zero, simd.sqrt_f64s(square));
+    let minus = simd.neg_f64s(norm);
+    let image = simd.select_f64s(simd.less_than_f64s(first, zero), norm, minus);
+    let length = simd.mul_f64s(norm, simd.add_f64s(norm, simd.abs_f64s(first)));
+    let scale = simd.div_f64s(simd.splat_f64s(-1.0), length);
+    (image, simd.select_f64s(is_nothing, zero, scale))
+}
+
+/// Sums of products, each matrix for itself.
+#[inline(always)]
+fn dot<S: Simd>(simd: S, a: &[[S::f64s; GROUP]], b: &[[S::f64s; GROUP]]) -> S::f64s {
+    let mut sums = [simd.splat_f64s(0.0); GROUP];
+    for (a, b) in a.iter().zip(b) {
+        for ((sum, &a), &b) in sums.iter_mut().zip(a).zip(b) {
+            *sum = simd.mul_add_e_f64s(a, b, *sum);
         }
-        if smallest >= 0.0 && rest >= 0.0 {
-            next_q[last - first] = rest;
-            self.q[first..=last].copy_from_slice(next_q);
-            self.e[first..last].copy_from_slice(next_e);
-            return Step::Accepted { bound: smallest.min(rest) };
-        }
-        if smallest > 0.0 && rest < 0.0 {
-            // Rutishauser 1960: then this is below the smallest square, and very near it.
-            let shift = (shift + rest) * (1.0 - 2.0 * f64::EPSILON);
-            return Step::JustMissed { shift: shift.max(0.0) };
-        }
-        Step::Rejected
     }
+    let [a, b, c, d] = sums;
+    simd.add_f64s(simd.add_f64s(a, b), simd.add_f64s(c, d))
 }
 
 #[cfg(test)]
@@ -308,8 +221,7 @@ mod tests {
     use super::*;
 
     fn assert_agrees(matrix: &Mat<f64>) {
-        let mut svd = SmallSvd::default();
-        let found = svd.values(matrix.as_ref()).unwrap().to_vec();
+        let found = singular_values(&[matrix.as_ref()]).unwrap().remove(0);
         let want = matrix.singular_values().unwrap();
         assert_eq!(found.len(), want.len());
         let largest = want.first().copied().unwrap_or(0.0);
@@ -340,12 +252,13 @@ mod tests {
 
     #[test]
     fn what_is_not_finite_is_refused() {
-        let mut svd = SmallSvd::default();
         for odd in [f64::NAN, f64::INFINITY, 1e200] {
             let matrix = Mat::from_fn(3, 3, |i, j| if i == j { odd } else { 1.0 });
-            assert!(svd.values(matrix.as_ref()).is_none(), "{odd}");
+            assert!(singular_values(&[matrix.as_ref()]).is_none(), "{odd}");
         }
-        assert_eq!(svd.values(Mat::from_fn(1, 1, |_, _| 3.0).as_ref()), Some([3.0].as_slice()));
+        let three = Mat::from_fn(1, 1, |_, _| 3.0);
+        assert_eq!(singular_values(&[three.as_ref()]), Some(vec![vec![3.0]]));
+        assert_eq!(singular_values(&[]), Some(vec![]));
     }
 
     proptest! {
@@ -359,6 +272,26 @@ mod tests {
             let left = Mat::from_fn(rows, rank, |i, j| values[i * 40 + j]);
             let right = Mat::from_fn(rank, columns, |i, j| values[(i + 40) * 40 + j]);
             assert_agrees(&(&left * &right));
+        }
+
+        #[test]
+        fn no_matrix_feels_what_lies_beside_it(
+            sizes in prop::collection::vec((0..12_usize, 1..12_usize), 1..20),
+            values in prop::collection::vec(-1.0..1.0_f64, 31 * 31),
+        ) {
+            let matrices: Vec<Mat<f64>> = sizes
+                .iter()
+                .enumerate()
+                .map(|(index, &(rows, columns))| {
+                    Mat::from_fn(rows, columns, |i, j| values[index + 31 * i + 11 * j])
+                })
+                .collect();
+            let beside: Vec<_> = matrices.iter().map(Mat::as_ref).collect();
+            let beside = singular_values(&beside).unwrap();
+            for (found, matrix) in beside.iter().zip(&matrices) {
+                let alone = singular_values(&[matrix.as_ref()]).unwrap();
+                prop_assert_eq!(found, &alone[0]);
+            }
         }
     }
 }
