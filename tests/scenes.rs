@@ -93,7 +93,7 @@ fn a_recorded_episode_becomes_a_scene_with_body_tendons_and_signals() {
     assert_eq!((recordings.len(), blueprints), (2, 1));
     for rows in recordings.values() {
         let take: BTreeSet<&str> = rows.keys().filter_map(|path| path.split('/').nth(1)).collect();
-        let take = take.into_iter().find(|first| first.contains("expert")).unwrap();
+        let take = take.into_iter().find(|first| first.contains("mini")).unwrap();
         let of = |path: &str| rows.get(&format!("/{take}/{path}")).copied().unwrap_or(0);
         let frames = of("tendons");
         assert!(frames > 10, "{rows:?}");

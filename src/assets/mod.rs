@@ -35,7 +35,7 @@ pub use part::Part;
 pub use physics_version::{PhysicsVersion, UnknownPhysics};
 pub use platform::Platform;
 pub use receipt::Receipt;
-pub use shipped::CARRIED;
+pub use shipped::{CARRIED, CARRIED_EXPERTS};
 
 /// The command that mends everything a missing or damaged part can cause.
 pub const SETUP_COMMAND: &str = "arnold-analyze setup";

@@ -8,11 +8,17 @@ use std::path::{Path, PathBuf};
 use super::{AssetError, Cache};
 use crate::files;
 
-/// Their name in `--policy`, with the prefix of experts.
-pub const CARRIED: &str = "expert:mini";
+/// The muscle transformer, by its name in `--policy`.
+pub const CARRIED: &str = "mini";
+/// The experts of its tasks.
+pub const CARRIED_EXPERTS: &str = "expert:mini";
 
 /// Path below the folder, and what is in it.
-const FILES: [(&str, &[u8]); 8] = [
+const FILES: [(&str, &[u8]); 9] = [
+    (
+        "student_policies/mini/mini.safetensors",
+        include_bytes!("../../data/policies/mini/transformer.safetensors"),
+    ),
     ("expert_configs/mini.json", include_bytes!("../../data/policies/mini/experts.json")),
     (
         "expert_policies/mini/elbow_pose/policy.safetensors",

@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-use crate::assets::{AssetError, CARRIED, Cache};
+use crate::assets::{AssetError, CARRIED, CARRIED_EXPERTS, Cache};
 use crate::policy::shelf;
 
 /// Where the released archive puts the final Arnold checkpoint of seed 1 (`spec/tasks.md` §5.5).
@@ -22,7 +22,7 @@ pub enum Origin {
     Baseline,
     /// The published Arnold checkpoint in the data folder.
     Published,
-    /// The experts that the program carries.
+    /// The transformer that the program carries.
     Carried,
 }
 
@@ -34,7 +34,9 @@ impl Origin {
             Self::Variable => "named by `$ARNOLD_POLICY`",
             Self::Baseline => "the default of its task: MyoSuite's own elbow baseline",
             Self::Published => "the published Arnold checkpoint",
-            Self::Carried => "the default: the experts that come with this program",
+            Self::Carried => {
+                "the default: the small muscle transformer that comes with this program"
+            }
         }
     }
 }
@@ -54,10 +56,12 @@ pub fn choose(data: &Path, cache: &Cache, tasks: &[&str]) -> Result<(PathBuf, Or
     if let Some(published) = Some(published).filter(|path| path.is_file()).or_else(newest) {
         return Ok((published, Origin::Published));
     }
-    Ok((CARRIED.into(), Origin::Carried))
+    // By its place: a file of that name may lie where the program is called.
+    Ok((cache.shipped()?.join("student_policies").join(CARRIED), Origin::Carried))
 }
 
 /// The folder in which the policy called `name` is looked for: the data folder, unless the program carries it.
 pub fn shelf_of(name: &Path, data: &Path, cache: &Cache) -> Result<PathBuf, AssetError> {
-    if name == Path::new(CARRIED) { cache.shipped() } else { Ok(data.to_path_buf()) }
+    let carried = [CARRIED, CARRIED_EXPERTS].map(Path::new).contains(&name);
+    if carried { cache.shipped() } else { Ok(data.to_path_buf()) }
 }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use clap::Args;
 use serde_json::{Value, json};
 
-use crate::assets::{self, AssetError, Cache, Part, PhysicsVersion};
+use crate::assets::{self, AssetError, CARRIED, CARRIED_EXPERTS, Cache, Part, PhysicsVersion};
 use crate::experiment::plan::Arm;
 use crate::experiment::worker::Scene;
 use crate::policy::{self, Loaded, Member};
@@ -28,10 +28,10 @@ use super::render::Hinted;
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Playing")]
 pub struct PlayArguments {
-    /// Policy to play: a checkpoint, a folder with one, or a name: `expert:mini` (the small experts that come with this
-    /// program), `arnold`, `obc`, `arnold/seed_1`, `expert` (every task's own), `expert:TASK`, `expert:CONFIGURATION`
-    /// [default: the one `$ARNOLD_POLICY` names, else the published Arnold checkpoint under `--data`, else
-    /// `expert:mini`]. `random`: uniformly random actions
+    /// Policy to play: a checkpoint, a folder with one, or a name: `mini` (the small transformer that comes with this
+    /// program), `expert:mini` (its teachers), `arnold`, `obc`, `arnold/seed_1`, `expert` (every task's own),
+    /// `expert:TASK`, `expert:CONFIGURATION` [default: the one `$ARNOLD_POLICY` names, else the published Arnold
+    /// checkpoint under `--data`, else `mini`]. `random`: uniformly random actions
     #[arg(long, value_name = "FILE|NAME")]
     policy: Option<PathBuf>,
     /// Normaliser the policy was trained with, or `none` [default: the one beside the checkpoint]
@@ -63,8 +63,8 @@ pub struct PlayArguments {
     /// Worker threads; results do not depend on it [default: all cores]
     #[arg(long, value_name = "N", value_parser = count, allow_negative_numbers = true)]
     threads: Option<NonZeroUsize>,
-    /// Bodies per thread; results do not depend on it
-    #[arg(long, value_name = "N", default_value = "16", value_parser = count, allow_negative_numbers = true)]
+    /// Bodies that a thread plays side by side; results do not depend on it, and more than one only takes memory
+    #[arg(long, value_name = "N", default_value = "1", value_parser = count, allow_negative_numbers = true)]
     batch: NonZeroUsize,
     /// Folder for results, one folder per run inside
     #[arg(long, value_name = "DIR", default_value = "runs")]
@@ -234,9 +234,12 @@ impl Laboratory {
         } else {
             String::new()
         };
+        // Where the program keeps what it carries is nobody's concern.
+        let carried = [CARRIED, CARRIED_EXPERTS].into_iter().find(|name| self.policy.name == *name);
+        let policy = carried.map_or(self.policy.checkpoint_path.as_path(), Path::new);
         context.say(&format!(
             "Policy: {} ({})\nPhysics: MuJoCo {}; {} actions{noise}; seed {}; {} episodes per task",
-            self.policy.checkpoint_path.display(),
+            policy.display(),
             self.chosen_because,
             self.physics,
             self.mode.word(),
@@ -245,8 +248,10 @@ impl Laboratory {
         ));
         let names: Vec<&str> = self.tasks.iter().map(|task| task.name).collect();
         context.say(&format!("Tasks: {}", names.join(", ")));
+        // An expert that is called like its task needs no mention.
+        let other = |member: &&Member| member.name.rsplit('/').next() != Some(&member.task);
         let expert = |member: &Member| format!("{} by `{}`", member.task, member.name);
-        let experts: Vec<String> = self.policy.members.iter().map(expert).collect();
+        let experts: Vec<String> = self.policy.members.iter().filter(other).map(expert).collect();
         if !experts.is_empty() {
             context.say(&format!("Experts: {}", experts.join(", ")));
         }
@@ -541,6 +546,10 @@ fn reason(error: &policy::PolicyError) -> String {
     match error {
         policy::PolicyError::DoesNotFit { what, expected, found, .. } => {
             format!("the policy expects {expected} {what}, these have {found}")
+        }
+        // Each lacks a folder of its own.
+        policy::PolicyError::NoExpert { .. } => {
+            "there is no expert; `--task` with its name says more".to_owned()
         }
         other => other.to_string(),
     }

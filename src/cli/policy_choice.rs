@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::assets::Cache;
+use crate::assets::{CARRIED_EXPERTS, Cache};
 use crate::policy::shelf::{self, Choice};
 use crate::policy::{self, Loaded, ObservationVariant};
 use crate::sim::rollout::ActionMode;
@@ -97,8 +97,14 @@ fn open(
             "`--normaliser` names one file, but every expert has its own",
             "leave `--normaliser` out",
         )),
-        Choice::Experts(table) => policy::open_experts(&table, tasks, &data)
-            .map_err(|error| Hinted::new(error.to_string(), POLICY_HINT)),
+        Choice::Experts(table) => {
+            let mut experts = policy::open_experts(&table, tasks, &data)
+                .map_err(|error| Hinted::new(error.to_string(), POLICY_HINT))?;
+            if name == Path::new(CARRIED_EXPERTS) {
+                CARRIED_EXPERTS.clone_into(&mut experts.name);
+            }
+            Ok(experts)
+        }
     }
 }
 

@@ -62,7 +62,7 @@ enum What {
         #[arg(long, value_name = "N", default_value = "32", value_parser = clap::value_parser!(u16).range(2..))]
         episodes: u16,
         /// Bodies per thread
-        #[arg(long, value_name = "N", default_value = "16", value_parser = clap::value_parser!(u16).range(1..))]
+        #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u16).range(1..))]
         batch: u16,
         /// `MuJoCo` version
         #[arg(long, value_name = "VERSION", default_value = "2.3.7")]

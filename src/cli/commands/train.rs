@@ -278,7 +278,7 @@ pub(super) fn machine(
     let machine = Machine {
         bodies: Arc::new(Bodies::new(library, &models, &context.data)),
         threads: arguments.threads.map_or_else(laboratory::all_cores, NonZeroUsize::get),
-        batch: 8,
+        batch: 1,
     };
     // Says what to fetch if a task's model is not here.
     for task in tasks {

@@ -52,7 +52,8 @@ pub struct SoftShape {
 
 impl SoftRecipe {
     /// The recipe called `name`. The published constants are those of Stable-Baselines3; the article adds the index of the
-    /// task; ours are for few tasks and few steps.
+    /// task; ours are for few tasks and few steps, and look at one observation instead of six: it holds velocities and
+    /// forces, and an update takes a third of the time.
     #[must_use]
     pub fn new(name: RecipeName) -> Self {
         let windows = WindowsShape { lags: 6, task_index: name == RecipeName::Paper };
@@ -85,7 +86,11 @@ impl SoftRecipe {
             rewards: Rewards::Shaped,
             rollout_steps: 8,
             start_steps: 1000,
-            network: SoftShape { hidden: vec![128, 128], ..network },
+            network: SoftShape {
+                hidden: vec![128, 128],
+                windows: WindowsShape { lags: 1, ..windows },
+                ..network
+            },
             ..published
         }
     }
