@@ -123,7 +123,8 @@ fn a_perceptron_that_learns_from_rewards_gives_the_same_bytes_however_it_runs() 
 #[test]
 fn a_transformer_that_learns_from_a_teacher_gives_the_same_bytes_however_it_runs() {
     let teacher = elbow_policy().display().to_string();
-    same_bytes(&["obc", "--network", "xs", "--teacher", &teacher], 0);
+    let led = ["--set", "teacher_leads=0.5"];
+    same_bytes(&[&["obc", "--network", "xs", "--teacher", &teacher][..], &led].concat(), 0);
 }
 
 #[test]

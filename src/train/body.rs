@@ -6,7 +6,7 @@
 
 use super::statistics::Statistics;
 use super::streams::{Purpose, Streams};
-use super::teacher::Teacher;
+use super::teacher::{Lead, Teacher};
 use super::{Player, Sample};
 use crate::policy::ObservationVariant;
 use crate::policy::history::History;
@@ -42,8 +42,11 @@ pub(super) struct Body {
     /// Raw windows at the end of an episode that the last step ended.
     pub(super) terminal: Vec<f32>,
     teacher: Option<Teacher>,
-    /// Whether the teacher's actions are played.
-    teacher_acts: bool,
+    lead: Lead,
+    /// Steps of this episode that the teacher plays.
+    led: usize,
+    /// Steps of a whole episode.
+    horizon: usize,
     pub(super) outcome: StepOutcome,
     /// Weights of reward components, if not the environment's own.
     pub(super) weights: Option<Vec<(usize, f64)>>,
@@ -103,7 +106,8 @@ pub(super) struct BodyParts {
     pub(super) noise_length: usize,
     pub(super) weights: Option<Vec<(usize, f64)>>,
     pub(super) teacher: Option<Teacher>,
-    pub(super) teacher_acts: bool,
+    pub(super) lead: Lead,
+    pub(super) horizon: usize,
 }
 
 impl Body {
@@ -130,7 +134,9 @@ impl Body {
             terminal: windows.clone(),
             observation: windows,
             teacher: parts.teacher,
-            teacher_acts: parts.teacher_acts,
+            lead: parts.lead,
+            led: 0,
+            horizon: parts.horizon,
             outcome: StepOutcome {
                 reward: 0.0,
                 solved: false,
@@ -180,6 +186,8 @@ impl Body {
         self.episode_return = 0.0;
         let start = self.streams.of(Purpose::Episode, [self.seat, self.episode]);
         self.environment.reset(&mut { start });
+        let mut random = self.streams.of(Purpose::Lead, [self.seat, self.episode]);
+        self.led = self.lead.steps(self.horizon, &mut random);
         if let Some(teacher) = &mut self.teacher {
             teacher.reset();
         }
@@ -231,7 +239,7 @@ impl Body {
         if let Some(teacher) = &mut self.teacher {
             let wanted = teacher.ask(&self.environment);
             course.expert_actions.extend_from_slice(wanted);
-            if self.teacher_acts {
+            if self.executed.len() / self.muscles < self.led {
                 muscles.copy_from_slice(wanted);
             }
         }

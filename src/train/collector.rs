@@ -14,7 +14,7 @@ use super::recipe::Rewards;
 use super::reward_normaliser::RewardNormaliser;
 use super::statistics::Statistics;
 use super::streams::Streams;
-use super::teacher::Teacher;
+use super::teacher::{Lead, Teacher};
 use super::{Player, TrainError};
 use crate::policy::TaskInterface;
 use crate::sim::bodies::Bodies;
@@ -42,8 +42,8 @@ pub(super) struct Conditions<'a> {
     pub(super) rewards: &'a Rewards,
     /// What a reward is worth one step earlier, for the statistics of returns.
     pub(super) discount: f64,
-    /// Whether the teacher's actions are played.
-    pub(super) teacher_acts: bool,
+    /// What the teacher plays himself.
+    pub(super) lead: Lead,
     /// By task, numbers of an action and of the noise that draws it.
     pub(super) lengths: &'a dyn Fn(usize) -> [usize; 2],
 }
@@ -108,7 +108,8 @@ impl Collector {
                     noise_length,
                     weights: rewards.weights(environment.task()),
                     teacher,
-                    teacher_acts: conditions.teacher_acts,
+                    lead: conditions.lead,
+                    horizon: definition.horizon,
                     environment,
                 }));
                 identifiers.push(definition.environment.unwrap_or(definition.name));

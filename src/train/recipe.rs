@@ -43,6 +43,10 @@ pub struct Recipe {
     pub rewards: Rewards,
     /// Whether the teacher's actions are played rather than the student's.
     pub teacher_acts: bool,
+    /// Share of episodes that the teacher begins: he plays up to a step drawn over the whole episode, the student from there.
+    /// So an episode in which the student fails early (a ball is dropped) is learned to its end.
+    #[serde(default)]
+    pub teacher_leads: f64,
     /// The logarithm of an action's standard deviation over the run, if it is led there rather than learned.
     #[serde(default)]
     pub log_deviation: Option<Schedule>,
@@ -272,6 +276,7 @@ impl Recipe {
             normalise_rewards: true,
             rewards: Rewards::Dense,
             teacher_acts: regime == Regime::BehaviouralCloning,
+            teacher_leads: 0.0,
             log_deviation: None,
             network,
             reset_deviation: (regime == Regime::FineTuning).then_some(-6.9),

@@ -24,6 +24,8 @@ pub enum Purpose {
     Evaluation,
     /// Sampled actions in evaluation: task, episode.
     EvaluationActions,
+    /// How long the teacher leads an episode: environment, episode.
+    Lead,
 }
 
 /// All streams of one run.

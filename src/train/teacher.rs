@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use super::TrainError;
 use crate::policy::{Actor, ObservationVariant, Policy};
+use crate::random::Random;
 use crate::sim::environment::Environment;
 
 /// A policy to learn from, and what a run's arguments say of it.
@@ -21,6 +22,31 @@ pub struct TeacherPolicy {
 impl std::fmt::Debug for TeacherPolicy {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "teacher {} ({})", self.name, self.hash)
+    }
+}
+
+/// What the teacher plays himself, while the student looks on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Lead {
+    Nothing,
+    Everything,
+    /// This share of episodes up to a step drawn over the whole of them; the student goes on from there.
+    Beginnings {
+        share: f64,
+    },
+}
+
+impl Lead {
+    /// How many steps of an episode the teacher plays.
+    pub(super) fn steps(self, horizon: usize, random: &mut Random) -> usize {
+        match self {
+            Self::Nothing => 0,
+            Self::Everything => usize::MAX,
+            Self::Beginnings { share } if random.unit() < share => {
+                random.index(u32::try_from(horizon).unwrap_or(u32::MAX)) as usize
+            }
+            Self::Beginnings { .. } => 0,
+        }
     }
 }
 
@@ -61,5 +87,25 @@ impl Teacher {
             self.action.iter_mut().for_each(|action| *action = action.clamp(-1.0, 1.0));
         }
         &self.action
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_teacher_leads_his_share_of_episodes_up_to_any_of_their_steps() {
+        let lead = Lead::Beginnings { share: 0.5 };
+        let mut random = Random::new([1; 32]);
+        let steps: Vec<usize> = (0..4000).map(|_| lead.steps(200, &mut random)).collect();
+        let led: Vec<usize> = steps.iter().copied().filter(|&steps| steps > 0).collect();
+        let share = led.len() as f64 / steps.len() as f64;
+        let mean = led.iter().sum::<usize>() as f64 / led.len() as f64;
+        assert!((share - 0.5).abs() < 0.03, "{share}");
+        assert!((mean - 100.0).abs() < 5.0, "{mean}");
+        assert!(led.iter().all(|&steps| steps < 200) && led.iter().any(|&steps| steps > 195));
+        assert_eq!(Lead::Nothing.steps(200, &mut random), 0);
+        assert_eq!(Lead::Everything.steps(200, &mut random), usize::MAX);
     }
 }

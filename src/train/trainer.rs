@@ -11,6 +11,7 @@ use super::recipe::{NetworkShape, Recipe};
 use super::shards::Sum;
 use super::streams::{Purpose, Streams};
 use super::students;
+use super::teacher::Lead;
 use super::{Losses, Sample, TrainError, Trainable};
 use crate::policy::checkpoint::contents::{Checkpoint, Normaliser};
 use crate::sim::bodies::Bodies;
@@ -37,6 +38,24 @@ impl std::fmt::Debug for Trainer {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "a run after {} of {} steps", self.steps, self.plan.total_steps)
     }
+}
+
+/// What the teacher plays himself.
+fn lead(recipe: &Recipe) -> Result<Lead, TrainError> {
+    let share = recipe.teacher_leads;
+    let what = if !(0.0..=1.0).contains(&share) {
+        format!("`teacher_leads` is a share of episodes, from 0 to 1, not {share}")
+    } else if share > 0.0 && recipe.coefficients.policy_gradient != 0.0 {
+        "rewards teach by the student's own actions: `teacher_leads` goes with imitation alone"
+            .to_owned()
+    } else if recipe.teacher_acts {
+        return Ok(Lead::Everything);
+    } else if share > 0.0 {
+        return Ok(Lead::Beginnings { share });
+    } else {
+        return Ok(Lead::Nothing);
+    };
+    Err(TrainError::Plan { what })
 }
 
 impl Learner for Trainer {
@@ -71,7 +90,7 @@ impl Learner for Trainer {
         let conditions = Conditions {
             rewards: &recipe.rewards,
             discount: recipe.discount,
-            teacher_acts: recipe.teacher_acts,
+            lead: lead(recipe)?,
             lengths: &|task| [network.action_length(task), network.noise_length(task)],
         };
         let mut collector = Collector::new(&plan, &conditions, bodies, statistics)?;

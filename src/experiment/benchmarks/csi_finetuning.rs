@@ -13,6 +13,7 @@ use crate::figure::palette::{BLACK, BLUE, RED};
 use crate::figure::{LineGridFigure, LinePanel, LineSeries};
 use crate::record::{CsiResult, RecordError, Rows, Table};
 
+use super::figures::count;
 use super::{BenchmarkError, Results, task_label};
 
 /// The arms with their name in the tables, in print, and their colour.
@@ -119,7 +120,6 @@ impl CsiFinetuning {
             }
         }
         let counts = self.curves.iter().flat_map(|c| c.summaries.iter().map(|s| s.count));
-        let (low, high) = (counts.clone().min().unwrap_or(0), counts.max().unwrap_or(0));
         LineGridFigure {
             panels,
             across: "Number of components".to_owned(),
@@ -130,7 +130,8 @@ impl CsiFinetuning {
             line: Some((100.0, "Expert")),
             mark: None,
             caption: format!(
-                "Mean over runs ± s.e.m., rings: runs; n = {low}–{high} runs. Read from result files, not played."
+                "Mean over runs ± s.e.m., rings: runs; {}. Read from result files, not played.",
+                count(counts, "run")
             ),
         }
     }

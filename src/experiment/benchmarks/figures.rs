@@ -347,7 +347,7 @@ fn millions(parameters: u32) -> String {
 }
 
 /// "n = 3–5 seeds".
-fn count(counts: impl Iterator<Item = usize> + Clone, unit: &str) -> String {
+pub(super) fn count(counts: impl Iterator<Item = usize> + Clone, unit: &str) -> String {
     let (low, high) = (counts.clone().min().unwrap_or(0), counts.max().unwrap_or(0));
     let ending = if high == 1 { "" } else { "s" };
     if low == high {

@@ -24,6 +24,7 @@ use crate::train::network::soft::{
 use crate::train::plan::Plan;
 use crate::train::streams::{Purpose, Streams};
 use crate::train::students;
+use crate::train::teacher::Lead;
 use crate::train::{Parameters, Player, TrainError};
 
 /// Added by the optimiser to the root of a gradient's mean square: PyTorch's own default.
@@ -99,7 +100,7 @@ impl Learner for SoftTrainer {
         let conditions = Conditions {
             rewards: &recipe.rewards,
             discount: recipe.discount,
-            teacher_acts: false,
+            lead: Lead::Nothing,
             lengths: &|_| [actions; 2],
         };
         let mut collector = Collector::new(&plan, &conditions, bodies, statistics)?;
