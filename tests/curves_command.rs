@@ -120,6 +120,21 @@ fn a_pretrained_run_is_drawn_against_one_from_scratch() {
 }
 
 #[test]
+fn a_run_of_several_tasks_that_counts_on_is_read_by_task_and_drawn_from_its_beginning() {
+    let bench = Bench::new();
+    let late: Vec<(u32, f32)> = rising(0.5).into_iter().map(|(s, v)| (s + 300_000, v)).collect();
+    bench.write("a/events.out.tfevents.1", &events("elbow_pose/solved", &rising(0.9)));
+    bench.write("a/events.out.tfevents.2", &events("hand_little_reach/solved", &late));
+    let words = ["curves", "--recipe", "transfer", "--raw", "--json", "--offset", "more=300000"];
+    let run = ["--run", "more:hand_little_reach=a"];
+    let document = bench.json(&[&words[..], &run].concat());
+    let curves = table(folder(&document), "curves.csv");
+    let (steps, values) = (floats(&curves, "step"), floats(&curves, "value_raw"));
+    assert_eq!((steps[0], steps[steps.len() - 1]), (0.0, 1_900_000.0), "{steps:?}");
+    assert!(values.iter().all(|value| *value <= 0.5), "{values:?}");
+}
+
+#[test]
 fn several_seeds_are_averaged_on_a_grid_with_their_standard_error() {
     let bench = Bench::new();
     experts(&bench);

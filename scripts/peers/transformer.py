@@ -1,6 +1,6 @@
-"""Times the forward pass of the muscle transformer in PyTorch, on one thread.
+"""Times the forward pass of the muscle transformer in PyTorch.
 
-Takes one argument, a JSON document with networks, bodies, batches and the seconds to spend on each combination, and prints
+Takes one argument, a JSON document with networks, bodies, batches, threads and the seconds to spend on each combination, and prints
 one JSON document with the time per observation. Exits with 3 if `torch` is not installed.
 
 The network is written three times. *published* is how the published code calls it: PyTorch's transformer modules with a mask
@@ -115,7 +115,7 @@ def best_time(work, seconds):
 
 def main():
     question = json.loads(sys.argv[1])
-    torch.set_num_threads(1)
+    torch.set_num_threads(question["threads"])
     torch.manual_seed(0)
     rows = []
     with torch.inference_mode():

@@ -43,6 +43,25 @@ pub enum ImitationLoss {
     SquaredOverAll,
     /// `−Σ ln π(a*)`, padding included, whose expert action is zero.
     NegativeLogProbability,
+    /// Divergence of the expert's excitations from those of the mean action, each seen as the chance of a pulse, averaged over
+    /// the body's muscles and summed over the minibatch. What a muscle cannot feel (any action far below zero leaves it at
+    /// rest) costs nothing, which is most of what an expert that turns muscles on and off does.
+    Excitation,
+}
+
+/// The excitation of an action `a` is the logistic function of `5 (a − ½)` (`spec/tasks.md` §1.3).
+const EXCITATION_SLOPE: f64 = 5.0;
+
+/// Divergence in nats of excitations from wanted ones, and its derivative by the action that they come from.
+fn excitation_divergence(action: f32, wanted: f32) -> (f64, f64) {
+    let exponent = |action: f32| EXCITATION_SLOPE * (f64::from(action) - 0.5);
+    // ln of the excitation, and of what it lacks to one.
+    let logarithms = |z: f64| (-(-z).exp().ln_1p(), -z.exp().ln_1p());
+    let (on, off) = logarithms(exponent(action));
+    let (wanted_on, wanted_off) = logarithms(exponent(wanted));
+    let share = wanted_on.exp();
+    let divergence = share * (wanted_on - on) + (1.0 - share) * (wanted_off - off);
+    (divergence, EXCITATION_SLOPE * (on.exp() - share))
 }
 
 impl Default for Coefficients {
@@ -69,7 +88,8 @@ impl Coefficients {
     /// Whether samples need noise.
     #[must_use]
     pub fn draws(&self) -> bool {
-        self.imitates() && self.imitation_loss != ImitationLoss::NegativeLogProbability
+        use ImitationLoss::{SquaredOverAll, SquaredPerSample};
+        self.imitates() && matches!(self.imitation_loss, SquaredPerSample | SquaredOverAll)
     }
 }
 
@@ -247,6 +267,16 @@ impl Objective {
                 distribution.pull_log_probability(mean, action, -weight, mean_gradient, own);
                 return -distribution.log_probability(mean, action);
             }
+            ImitationLoss::Excitation => {
+                let per_muscle = 1.0 / expert.len() as f64;
+                let mut sum = 0.0;
+                for ((slope, &mean), &wanted) in mean_gradient.iter_mut().zip(mean).zip(expert) {
+                    let (divergence, derivative) = excitation_divergence(mean, wanted);
+                    sum += divergence;
+                    *slope += (weight * per_muscle * derivative) as f32;
+                }
+                return per_muscle * sum;
+            }
             ImitationLoss::SquaredPerSample => 1.0 / expert.len() as f64,
             ImitationLoss::SquaredOverAll => 1.0 / self.imitated,
         };
@@ -261,5 +291,31 @@ impl Objective {
         }
         distribution.pull_draw(sample.noise, slopes, mean_gradient, own);
         per_muscle * squares
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_divergence_of_excitations_is_that_of_two_chances() {
+        let excitation = |action: f64| 1.0 / (1.0 + (-5.0 * (action - 0.5)).exp());
+        for (action, wanted) in [(0.2_f32, 0.7_f32), (-1.0, 1.0), (0.9, -0.3), (3.0, -1.0)] {
+            let (p, q) = (excitation(f64::from(wanted)), excitation(f64::from(action)));
+            let expected = p * (p / q).ln() + (1.0 - p) * ((1.0 - p) / (1.0 - q)).ln();
+            let (divergence, slope) = excitation_divergence(action, wanted);
+            assert!((divergence - expected).abs() < 1e-9 * expected, "{divergence}, {expected}");
+            let step = 1e-3_f32;
+            let [low, high] = [action - step, action + step];
+            let [below, above] = [low, high].map(|x| excitation_divergence(x, wanted).0);
+            let difference = (above - below) / (f64::from(high) - f64::from(low));
+            assert!((slope - difference).abs() < 1e-4 * slope.abs(), "{slope}, {difference}");
+        }
+        assert_eq!(excitation_divergence(0.3, 0.3), (0.0, 0.0));
+        let (lost, slope) = excitation_divergence(-60.0, 1.0);
+        assert!(lost.is_finite() && slope < -4.0, "a wrong action is felt however wrong it is");
+        let (rest, _) = excitation_divergence(-0.6, -1.0);
+        assert!(rest < 0.01, "a muscle at rest may rest as it likes: {rest}");
     }
 }

@@ -40,12 +40,11 @@ impl Lead {
     /// How many steps of an episode the teacher plays.
     pub(super) fn steps(self, horizon: usize, random: &mut Random) -> usize {
         match self {
-            Self::Nothing => 0,
             Self::Everything => usize::MAX,
             Self::Beginnings { share } if random.unit() < share => {
                 random.index(u32::try_from(horizon).unwrap_or(u32::MAX)) as usize
             }
-            Self::Beginnings { .. } => 0,
+            Self::Nothing | Self::Beginnings { .. } => 0,
         }
     }
 }

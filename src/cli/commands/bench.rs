@@ -43,12 +43,8 @@ enum What {
         /// Observations per call
         #[arg(long, value_name = "N", num_args = 1.., value_delimiter = ',', default_value = "1,16,64", value_parser = clap::value_parser!(u16).range(1..=1024))]
         batch: Vec<u16>,
-        /// Time the same networks in PyTorch as well
-        #[arg(long)]
-        peer: bool,
-        /// Python that has `torch`
-        #[arg(long, value_name = "FILE", default_value = "python3")]
-        python: String,
+        #[command(flatten)]
+        beside: Beside,
     },
     /// A whole rollout of the full-size transformer beside its parts, two threads beside one, and planned beside not
     Loop {
@@ -67,7 +63,26 @@ enum What {
         /// `MuJoCo` version
         #[arg(long, value_name = "VERSION", default_value = "2.3.7")]
         physics: PhysicsVersion,
+        #[command(flatten)]
+        beside: Beside,
     },
+}
+
+/// Whether the same is timed elsewhere.
+#[derive(Debug, Args)]
+struct Beside {
+    /// Time the same networks in PyTorch as well
+    #[arg(long)]
+    peer: bool,
+    /// Python that has `torch`
+    #[arg(long, value_name = "FILE", default_value = "python3")]
+    python: String,
+}
+
+impl Beside {
+    fn python(&self) -> Option<&str> {
+        self.peer.then_some(self.python.as_str())
+    }
 }
 
 fn network(name: &str) -> Result<Network, String> {
@@ -84,14 +99,14 @@ fn body(name: &str) -> Result<Body, String> {
 pub fn run(context: &Context, arguments: &BenchArguments) -> anyhow::Result<Outcome> {
     let budget = Duration::from_millis(if arguments.quick { 100 } else { 2000 });
     match &arguments.what {
-        What::Policy { network, body, batch, peer, python } => {
+        What::Policy { network, body, batch, beside } => {
             let batches: Vec<usize> = batch.iter().map(|&batch| usize::from(batch)).collect();
-            let python = peer.then_some(python.as_str());
-            policy(context, network, body, &batches, python, budget)
+            policy(context, network, body, &batches, beside.python(), budget)
         }
-        What::Loop { task, network, episodes, batch, physics } => {
+        What::Loop { task, network, episodes, batch, physics, beside } => {
             let machine = machine(context, *physics, usize::from(*batch))?;
-            whole_loops(context, &machine, task, network, usize::from(*episodes), budget)
+            let episodes = usize::from(*episodes);
+            whole_loops(context, &machine, task, network, episodes, beside.python(), budget)
         }
     }
 }
@@ -116,17 +131,7 @@ fn policy(
             }
         }
     }
-    let peer = match python {
-        None => None,
-        Some(python) => {
-            context.say("Timing PyTorch …");
-            let seconds = budget.as_secs_f64();
-            Some(
-                peer::measure(python, networks, bodies, batches, seconds)
-                    .map_err(|error| hinted(&error))?,
-            )
-        }
-    };
+    let peer = timed_peer(context, python, networks, bodies, batches, 1, budget)?;
     let of_peer = |row: &forward::ForwardRow| {
         peer.as_ref().and_then(|Peer { rows, .. }| {
             let same = |other: &&peer::PeerRow| {
@@ -207,6 +212,23 @@ fn policy(
     Ok(Outcome::Done)
 }
 
+/// The same in `PyTorch`, where it is wanted.
+fn timed_peer(
+    context: &Context,
+    python: Option<&str>,
+    networks: &[Network],
+    bodies: &[Body],
+    batches: &[usize],
+    threads: usize,
+    budget: Duration,
+) -> anyhow::Result<Option<Peer>> {
+    let Some(python) = python else { return Ok(None) };
+    context.say("Timing PyTorch …");
+    let seconds = budget.as_secs_f64();
+    let peer = peer::measure(python, networks, bodies, batches, threads, seconds);
+    Ok(Some(peer.map_err(|error| hinted(&error))?))
+}
+
 fn hinted(error: &PeerError) -> anyhow::Error {
     let hint = match error {
         PeerError::Start { .. } => "name a Python with `--python FILE`, or leave `--peer` out",
@@ -233,6 +255,7 @@ fn whole_loops(
     names: &[String],
     network: &Network,
     episodes: usize,
+    python: Option<&str>,
     budget: Duration,
 ) -> anyhow::Result<Outcome> {
     let policy = forward::made_up_policy(&network.sizes)?;
@@ -241,19 +264,31 @@ fn whole_loops(
         let task = tasks::find(name).context("`tasks` lists them")?;
         rows.push(whole_loop::measure(machine, &policy, task, episodes, budget)?);
     }
+    let bodies: Vec<Body> = rows.iter().map(|row| row.body).collect();
+    let peer = timed_peer(context, python, &[*network], &bodies, &[1], 2, budget)?;
+    // The published loop plays one environment in one process, and waits for its network in every step.
+    let published = |row: &whole_loop::LoopRow| {
+        let same = |other: &&peer::PeerRow| other.body == row.body.name;
+        peer.as_ref().and_then(|peer| peer.rows.iter().find(same)?.published())
+    };
     if context.json {
         let entries: Vec<_> = rows
             .iter()
             .map(|row| {
                 let mut entry = json!(row);
                 entry["overhead"] = json!(row.overhead());
+                entry["steps_per_second_of_two_threads"] = json!(row.rate());
+                if let Some(time) = published(row) {
+                    entry["published_forward_milliseconds"] = json!(time);
+                    entry["faster_than_published_by_at_least"] = json!(row.rate() * time / 1e3);
+                }
                 entry
             })
             .collect();
         render::print_json(&json!({"network": network.name, "loops": entries}))?;
         return Ok(Outcome::Done);
     }
-    let columns = [
+    let mut columns = vec![
         ("task", Align::Left),
         ("steps", Align::Right),
         ("loop, ms", Align::Right),
@@ -265,11 +300,14 @@ fn whole_loops(
         ("Parquet, ms", Align::Right),
         ("MCAP, ms", Align::Right),
     ];
+    if peer.is_some() {
+        columns.extend([("published forward, ms", Align::Right), ("faster by", Align::Right)]);
+    }
     let written = |time: Option<f64>| time.map_or_else(|| "–".to_owned(), |t| format!("{t:.3}"));
     let lines: Vec<Vec<String>> = rows
         .iter()
         .map(|row| {
-            vec![
+            let mut line = vec![
                 row.task.to_owned(),
                 row.steps.to_string(),
                 format!("{:.3}", row.loop_milliseconds),
@@ -280,13 +318,24 @@ fn whole_loops(
                 format!("{:.3}", row.sweep),
                 written(row.parquet_milliseconds),
                 written(row.mcap_milliseconds),
-            ]
+            ];
+            if let Some(time) = published(row) {
+                line.push(format!("{time:.3}"));
+                line.push(format!("{:.2} ×", row.rate() * time / 1e3));
+            }
+            line
         })
         .collect();
     let text = render::table(&columns, &lines);
+    let note = peer.map_or_else(String::new, |Peer { version, .. }| {
+        format!(
+            "Published forward: PyTorch {version} as the published code calls it, one observation on two threads. Its loop \
+             takes that long and physics as well; two threads of ours are faster by at least so much.\n"
+        )
+    });
     render::print_text(&format!(
         "{text}\nTimes are per control step on one thread, {} network. Sweep: planned, entered into a ledger and \
-         gathered. Parquet, MCAP: all that was recorded of a step, written.\n",
+         gathered. Parquet, MCAP: all that was recorded of a step, written.\n{note}",
         network.name
     ))?;
     Ok(Outcome::Done)

@@ -41,13 +41,15 @@ pub struct CurvesArguments {
     /// Values as logged, not in percent of the expert
     #[arg(long)]
     raw: bool,
-    /// Subtract these steps from every step of a stage (`portable`)
-    #[arg(long, value_name = "STAGE=STEPS", num_args = 1.., value_parser = offset)]
+    /// Subtract these steps from every step of a stage, or of a method, whose runs count on from another (`portable`,
+    /// `transfer`, `single-task`)
+    #[arg(long, value_name = "NAME=STEPS", num_args = 1.., value_parser = offset)]
     offset: Vec<(String, f64)>,
     /// Only these panels
     #[arg(long, value_name = "NAME", num_args = 1..)]
     panel: Vec<String>,
-    /// Tag to read from event files [default: the first that ends in `/solved`, else that contains `solved`]
+    /// Tag to read from event files [default: the task's own `/solved`, else the first that ends so, else that contains
+    /// `solved`]
     #[arg(long, value_name = "TAG")]
     tag: Option<String>,
     /// Folder of the experts' results [default: in the data folder]
@@ -109,7 +111,7 @@ fn offset(text: &str) -> Result<(String, f64), String> {
         let steps = steps.parse::<f64>().ok().filter(|steps| steps.is_finite())?;
         Some((stage.to_owned(), steps))
     });
-    parsed.ok_or_else(|| "expected STAGE=STEPS, as `finetuning=50000000`".to_owned())
+    parsed.ok_or_else(|| "expected NAME=STEPS, as `finetuning=50000000`".to_owned())
 }
 
 /// Where the experts' results may lie in the data folder.

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 
 use crate::analysis::curves::Curve;
 use crate::record::{
-    CurvePoint, EventScalars, RecordError, read_curve_table, read_event_file, read_event_run,
-    read_run_table,
+    CurvePoint, EventScalars, RecordError, ScalarSeries, read_curve_table, read_event_file,
+    read_event_run, read_run_table,
 };
 use crate::sim::tasks;
 
@@ -187,7 +187,7 @@ fn from_events(
     tag: Option<&str>,
 ) -> Result<Vec<(String, Metric, Curve)>, LearningError> {
     let nothing = |what: String| LearningError::NoSeries { what, path: path.to_path_buf() };
-    let curve = |series: &crate::record::ScalarSeries| -> Curve {
+    let curve = |series: &ScalarSeries| -> Curve {
         let points = series.points.iter().filter(|point| point.value.is_finite());
         points.map(|point| (point.step as f64, point.value)).collect()
     };
@@ -209,8 +209,8 @@ fn from_events(
     }
     let series = match tag {
         Some(tag) => scalars.series(tag).ok_or_else(|| nothing(format!("the tag `{tag}`")))?,
-        None => scalars
-            .solved()
+        None => solved_in(scalars, task)
+            .or_else(|| scalars.solved())
             .or_else(|| scalars.series(REWARD_TAG))
             .ok_or_else(|| nothing(format!("a tag with `solved`, or `{REWARD_TAG}`")))?,
     };
@@ -225,6 +225,14 @@ fn from_events(
         found = (Metric::Reward, curve(reward));
     }
     Ok(vec![(task.to_owned(), found.0, found.1)])
+}
+
+/// The solved fraction in `task`, where a run of several tasks logged each by its name or that of its environment.
+fn solved_in<'a>(scalars: &'a EventScalars, task: &str) -> Option<&'a ScalarSeries> {
+    scalars.series.iter().find(|series| {
+        let of = series.tag.strip_suffix("/solved").and_then(|tag| tag.rsplit('/').next());
+        of.is_some_and(|of| of == task || task_of(of) == Some(task))
+    })
 }
 
 /// The code name of the task that an environment is of. Both directions of rotating balls log under one name, which

@@ -100,7 +100,7 @@ pub struct CurveOptions {
     pub recipe: Recipe,
     /// Values as logged, not in percent of the expert.
     pub raw: bool,
-    /// Steps subtracted from every step of a stage.
+    /// Steps subtracted from every step of a stage, or of a method: a run that goes on from another counts on.
     pub offsets: BTreeMap<String, f64>,
     /// Only these panels; none: all.
     pub panels: Vec<String>,
@@ -249,7 +249,8 @@ fn seed_curve(
     } else {
         merge_resumed(&logged.pieces)
     };
-    let offset = options.offsets.get(&logged.stage).copied().unwrap_or(0.0);
+    let offset_of = |name| options.offsets.get(name).copied();
+    let offset = offset_of(&logged.stage).or_else(|| offset_of(&logged.method)).unwrap_or(0.0);
     let shifted = || {
         let steps = joined.steps().iter().map(|step| step - offset).collect();
         Curve::new(steps, joined.values().to_vec())
@@ -262,7 +263,9 @@ fn seed_curve(
         Recipe::Portable(smoothing) => shifted()
             .and_then(|curve| portable_curve(&curve, smoothing))
             .and_then(|curve| scaled(&curve, scale.factor)),
-        Recipe::Transfer | Recipe::SingleTask => Ok(transfer_curve(&joined, scale.transfer)),
+        Recipe::Transfer | Recipe::SingleTask => {
+            shifted().map(|curve| transfer_curve(&curve, scale.transfer))
+        }
         Recipe::RlFinetuning => rl_finetuning_values(joined.values())
             .and_then(|values| Curve::new(joined.steps().to_vec(), values))
             .and_then(|curve| scaled(&curve, scale.factor)),

@@ -194,7 +194,7 @@ impl LearningCurves {
             series: panel.series.iter().map(line).collect(),
         });
         let (x_end, y_end) = match self.recipe {
-            Recipe::Transfer => (Some(2.0), Some(120.0)),
+            Recipe::Transfer => ((self.last_step() > 2e6).then_some(2.0), Some(120.0)),
             Recipe::RlFinetuning => (Some(68.0), None),
             _ => (None, None),
         };
@@ -210,6 +210,11 @@ impl LearningCurves {
             mark: (self.recipe == Recipe::CsiFinetuning).then_some(5.0),
             caption: self.caption(seeds),
         }
+    }
+
+    fn last_step(&self) -> f64 {
+        let seeds = self.panels.iter().flat_map(|panel| &panel.series).flat_map(|s| &s.seeds);
+        seeds.filter_map(|seed| seed.drawn.steps().last().copied()).fold(0.0, f64::max)
     }
 
     fn measure(&self) -> &'static str {

@@ -74,12 +74,13 @@ impl PeerRow {
     }
 }
 
-/// Times `networks` on `bodies` on one thread, spending `seconds` on each combination.
+/// Times `networks` on `bodies` on so many threads, spending `seconds` on each combination.
 pub fn measure(
     python: &str,
     networks: &[Network],
     bodies: &[Body],
     batches: &[usize],
+    threads: usize,
     seconds: f64,
 ) -> Result<Peer, PeerError> {
     let question = serde_json::json!({
@@ -96,6 +97,7 @@ pub fn measure(
             "name": body.name, "sensors": body.sensors, "muscles": body.muscles,
         })).collect::<Vec<_>>(),
         "batches": batches,
+        "threads": threads,
         "seconds": seconds,
     });
     let output = Command::new(python)

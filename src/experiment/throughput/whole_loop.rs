@@ -26,6 +26,7 @@ use crate::sim::rollout::{
 };
 use crate::sim::tasks::{Definition, RewardConfiguration};
 
+use super::forward::Body;
 use super::{best_time, forward};
 
 /// What one task's loop costs. Times are per control step.
@@ -33,6 +34,9 @@ use super::{best_time, forward};
 pub struct LoopRow {
     /// The task.
     pub task: &'static str,
+    /// The body as the transformer sees it.
+    #[serde(skip)]
+    pub body: Body,
     /// Control steps played.
     pub steps: usize,
     /// The whole loop on one thread, ms.
@@ -52,6 +56,12 @@ pub struct LoopRow {
 }
 
 impl LoopRow {
+    /// Control steps per second of two threads.
+    #[must_use]
+    pub fn rate(&self) -> f64 {
+        1e3 * self.two_threads / self.loop_milliseconds
+    }
+
     /// The loop's time over that of its parts.
     #[must_use]
     pub fn overhead(&self) -> f64 {
@@ -136,6 +146,11 @@ pub fn measure(
         parquet_milliseconds: written(cfg!(feature = "parquet"), Format::Parquet)?,
         mcap_milliseconds: written(cfg!(feature = "mcap"), Format::Mcap)?,
         task: task.name,
+        body: Body {
+            name: task.name,
+            sensors: interface.observation_words.len(),
+            muscles: interface.muscle_count,
+        },
         steps,
         loop_milliseconds: one * per_step,
         physics_milliseconds: physics * per_step,

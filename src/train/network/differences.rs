@@ -103,6 +103,7 @@ pub(super) fn every_loss() -> Vec<(&'static str, Coefficients)> {
         ("value", Coefficients { value: 0.5, ..none }),
         ("imitation, mean", imitation(ImitationLoss::SquaredPerSample, 0.1)),
         ("imitation, constant", imitation(ImitationLoss::SquaredOverAll, 1.0)),
+        ("imitation, excitation", imitation(ImitationLoss::Excitation, 0.1)),
         ("imitation, density", imitation(ImitationLoss::NegativeLogProbability, 0.05)),
         (
             "all",
