@@ -24,12 +24,21 @@ check: test
 bench:
 	$(CARGO) bench
 
-## The gallery page, docs/gallery/README.md: the paper's printed figures, and runs that need nothing but `setup`.
+## The gallery page, docs/gallery/README.md: the paper's printed figures, and those of the policies that come with the program.
+FINGERS = hand_index_reach hand_middle_reach hand_ring_reach hand_little_reach hand_thumb_reach
+HERE = --data target/gallery --out target/gallery
+BOTH = --recording "mini=$$(echo target/gallery/mini/*)" "Its teachers=$$(echo target/gallery/teachers/*)" --episodes 20
+PAPER = fig3b_radar fig3c_bars fig4a_smoothness fig6cd_tasks fig6ef_policies
 gallery: setup
 	rm -rf target/gallery
-	$(PROGRAM) csi --data target/gallery --task myosuite_elbow_pose --out target/gallery
-	$(PROGRAM) evaluate --data target/gallery --task myosuite_elbow_pose --episodes 20 --out target/gallery
-	$(PROGRAM) figures fig3b fig3c --gallery --data target/gallery --runs target/gallery --out docs/gallery
+	$(PROGRAM) csi --task all --budget quick --policy mini $(HERE)
+	$(PROGRAM) evaluate --task all --policy mini --episodes 20 $(HERE)
+	$(PROGRAM) rollout --task $(FINGERS) --policy mini --episodes 20 --data target/gallery --out target/gallery/mini
+	$(PROGRAM) rollout --task $(FINGERS) --policy expert:mini --episodes 20 --data target/gallery --out target/gallery/teachers
+	$(PROGRAM) smoothness $(BOTH) $(HERE)
+	$(PROGRAM) kinematics $(BOTH) $(HERE)
+	$(PROGRAM) subspaces $(BOTH) $(HERE)
+	$(PROGRAM) figures $(PAPER) --gallery --data target/gallery --runs target/gallery --out docs/gallery
 
 setup:
 	$(CARGO) build --release

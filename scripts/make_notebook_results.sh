@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Makes the small result set that the notebooks read, with nothing but this program and what `setup` fetched: MyoSuite's
-# elbow policy, uniformly random actions, the invented people of `data/emg`, and a minute of training.
+# Makes the small result set that the notebooks read, with nothing but this program and what `setup` fetched: the policies
+# that come with the program, the invented people of `data/emg`, and a minute of training.
 #
 #     scripts/make_notebook_results.sh [PROGRAM]
 #
@@ -27,19 +27,20 @@ rm -rf "$results"
 unset ARNOLD_POLICY ARNOLD_DATA
 data=(--data "$work/data")
 
-keep "$(run csi "${data[@]}" --task myosuite_elbow_pose --episodes 20)" csi curves
-keep "$(run evaluate "${data[@]}" --task myosuite_elbow_pose --episodes 20)" evaluate episodes
+keep "$(run csi "${data[@]}" --task hand_index_reach --components 1,2,3,5,8,12,20,30,39 --episodes 10)" csi curves
+keep "$(run evaluate "${data[@]}" --task all --episodes 20)" evaluate episodes
 
-# Two policies of all hand tasks that need no checkpoint: uniform actions, and the same with noise on top.
-calm=$(run rollout "${data[@]}" --policy random --task hand --episodes 4 --seed 1)
-noisy=$(run rollout "${data[@]}" --policy random --task hand --episodes 4 --seed 2 --action-noise 0.5)
-both=(--recording "Random=$calm" "Noisy=$noisy" --episodes 4)
+# The small transformer, and those who taught it, on the hand.
+fingers=(hand_index_reach hand_middle_reach hand_ring_reach hand_little_reach hand_thumb_reach)
+mini=$(run rollout "${data[@]}" --policy mini --task "${fingers[@]}" --episodes 4 --seed 1)
+teachers=$(run rollout "${data[@]}" --policy expert:mini --task "${fingers[@]}" --episodes 4 --seed 1)
+both=(--recording "mini=$mini" "Its teachers=$teachers" --episodes 4)
 keep "$(run smoothness "${data[@]}" "${both[@]}")" smoothness per_task comparisons
-keep "$(run kinematics "${data[@]}" "${both[@]}" --task baoding_p1_ccw)" kinematics cumulative_variance human_comparison
+keep "$(run kinematics "${data[@]}" "${both[@]}" --task hand_index_reach)" kinematics cumulative_variance human_comparison
 keep "$(run subspaces "${data[@]}" "${both[@]}")" subspaces summary
-# Components and synergies of what the elbow policy does: random actions have none.
-elbow=$(run rollout "${data[@]}" --task myosuite_elbow_pose --episodes 10)
-keep "$(run synergies "${data[@]}" --recording "Elbow=$elbow" --episodes 10 --n-fits 2)" synergies variance reconstruction
+# Components and synergies of one finger.
+finger=$(run rollout "${data[@]}" --policy mini --task hand_index_reach --episodes 10)
+keep "$(run synergies "${data[@]}" --recording "mini=$finger" --episodes 10 --n-fits 2)" synergies variance reconstruction
 
 keep "$(run emg "${data[@]}" --subjects data/emg)" emg correlations subject_means
 keep "$(run factors "${data[@]}" --profiles data/emg/synthetic/invented_simulation.npz)" factors loadings

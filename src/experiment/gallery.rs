@@ -19,7 +19,7 @@ pub struct Picture {
 /// The page; `made_by` is the command that makes it again.
 #[must_use]
 pub fn page(pictures: &[Picture], made_by: &str) -> String {
-    let mut page = format!("# Gallery\n\nMade by `{}`.\n", plain(made_by));
+    let mut page = format!("# Gallery\n\nMade by {}.\n", code(made_by));
     for picture in pictures {
         let Picture { title, shows, from, stem, others } = picture;
         let (title, shows, from) = (plain(title), plain(shows), plain(from));
@@ -35,6 +35,12 @@ pub fn page(pictures: &[Picture], made_by: &str) -> String {
         );
     }
     page
+}
+
+/// A command as Markdown shows code: nothing in it is markup but the fence around it.
+fn code(command: &str) -> String {
+    let shown: String = command.chars().filter(|letter| !letter.is_control()).collect();
+    if shown.contains('`') { format!("``` {shown} ```") } else { format!("`{shown}`") }
 }
 
 /// Text that Markdown takes for nothing but text.
@@ -70,7 +76,8 @@ mod tests {
             stem: stem.to_owned(),
             others: vec!["pdf".to_owned()],
         };
-        let page = page(&[picture("radar"), picture("a b)")], "arnold-analyze figures");
+        let page = page(&[picture("radar"), picture("a b)")], "arnold-analyze figures fig3b_radar");
+        assert!(page.contains("Made by `arnold-analyze figures fig3b_radar`."));
         assert!(page.contains("## Fig. 3B: a\\_b \\<i\\>\n"));
         assert!(page.contains("](radar.svg)") && page.contains("[PDF](radar.pdf)"));
         assert!(page.contains("](a%20b%29.svg)"));

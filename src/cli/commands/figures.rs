@@ -329,8 +329,12 @@ fn write_gallery(
             let svg = files::read_bounded(&path, LARGEST_FILE)?;
             write_figure(&out.join(&target), &context.theme.apply(&String::from_utf8_lossy(&svg)))?;
             pictures.push(Picture {
-                title: format!("{} {stem}", run.manifest.command),
-                shows: String::new(),
+                title: run.manifest.command.clone(),
+                shows: if stem == run.manifest.command {
+                    String::new()
+                } else {
+                    stem.replace('_', " ")
+                },
                 from: format!("run {name}"),
                 stem: target,
                 others: vec!["pdf".to_owned()],
