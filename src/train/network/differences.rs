@@ -105,18 +105,20 @@ pub(super) fn every_loss() -> Vec<(&'static str, Coefficients)> {
         ("imitation, constant", imitation(ImitationLoss::SquaredOverAll, 1.0)),
         ("imitation, excitation", imitation(ImitationLoss::Excitation, 0.1)),
         ("imitation, density", imitation(ImitationLoss::NegativeLogProbability, 0.05)),
-        (
-            "all",
-            Coefficients {
-                policy_gradient: 0.7,
-                entropy: 0.01,
-                value: 0.5,
-                imitation: 0.1,
-                standardise_advantages: false,
-                ..none
-            },
-        ),
+        ("all", every_loss_at_once()),
     ]
+}
+
+/// All terms together, every one with its own weight.
+pub(super) fn every_loss_at_once() -> Coefficients {
+    Coefficients {
+        policy_gradient: 0.7,
+        entropy: 0.01,
+        value: 0.5,
+        imitation: 0.1,
+        standardise_advantages: false,
+        ..Coefficients::default()
+    }
 }
 
 /// Compares the gradient of every tensor whose name `is_compared` with finite differences of the loss, `step` apart.
