@@ -34,7 +34,10 @@ fn help_of_every_command_names_its_options_within_100_columns() {
         ("setup", &["--check", "--from <DIR>"]),
         ("doctor", &["what is missing"]),
         ("inspect", &["<FILE>", "without running anything"]),
-        ("convert", &["<FILE>...", "--to <FORMAT>", "--out <PATH>", "--signals <NAME>..."]),
+        (
+            "convert",
+            &["<FILE>...", "--to <FORMAT>", "--mean", "--out <PATH>", "--signals <NAME>..."],
+        ),
         ("tasks", &["[TASK]"]),
         ("rollout", &[playing, &["--format <FORMAT>..."]].concat()),
         ("evaluate", &[playing, &["--benchmarks <[NAME=]PATH>...", "--experts <DIR>"]].concat()),

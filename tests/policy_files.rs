@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use arnold_analyze::files;
 use arnold_analyze::policy::expert_table::ExpertTable;
-use arnold_analyze::policy::export::export;
+use arnold_analyze::policy::export::{export, export_mean};
 use arnold_analyze::policy::shelf::{self, Choice};
 use arnold_analyze::policy::vocabulary::Vocabulary;
 use arnold_analyze::policy::{self, Loaded, PolicyError, TaskInterface};
@@ -105,6 +105,27 @@ fn every_transformer_converts_to_the_same_bits() {
     ] {
         converts_unchanged(&checkpoint(variant), None, &task("pen"));
     }
+}
+
+#[test]
+fn the_mean_of_a_network_with_itself_is_that_network() {
+    let (path, task) = (checkpoint("separate"), task("pen"));
+    let out = tempfile::tempdir().unwrap();
+    let mean = export_mean(&[&path, &path, &path], None, out.path()).unwrap();
+    let hash = blake3::hash(&std::fs::read(&path).unwrap()).to_hex().to_string();
+    assert_eq!(mean.document["provenance"]["mean_of"][2]["blake3"], hash);
+    let (original, mean) = (policy::open(&path, None), policy::open(&mean.policy, None));
+    assert_eq!(actions(&original.unwrap(), &task), actions(&mean.unwrap(), &task));
+}
+
+#[test]
+fn networks_that_differ_have_no_mean() {
+    let out = tempfile::tempdir().unwrap();
+    let paths = [checkpoint("shared_waves_predictive"), checkpoint("separate")];
+    let message = export_mean(&paths, None, out.path()).unwrap_err().to_string();
+    assert!(message.contains("only checkpoints of one network have a mean"), "{message}");
+    assert!(paths.iter().all(|path| message.contains(&path.display().to_string())), "{message}");
+    assert!(std::fs::read_dir(out.path()).unwrap().next().is_none());
 }
 
 #[test]

@@ -9,9 +9,9 @@ use super::render::Hinted;
 
 /// The error of opening the checkpoint `path` with `normaliser`, or with the one beside it.
 pub fn policy_error(error: &PolicyError, path: &Path, normaliser: Option<&Path>) -> anyhow::Error {
-    let mut fact = error;
-    while let PolicyError::InFile { source, .. } = fact {
-        fact = source;
+    let (mut fact, mut path) = (error, path);
+    while let PolicyError::InFile { path: file, source } = fact {
+        (fact, path) = (source, file);
     }
     let beside = normaliser_beside(path).into_iter().next();
     let used = normaliser.map(Path::to_path_buf).or(beside);

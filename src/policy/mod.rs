@@ -3,6 +3,7 @@
 //! [`open`] reads a checkpoint and its normaliser and returns a [`Policy`]; bound to a task, it becomes an [`Actor`].
 
 mod agreement;
+mod average;
 pub mod checkpoint;
 mod companions;
 mod ensemble_folder;
@@ -76,6 +77,8 @@ pub enum PolicyError {
     Exists { path: PathBuf },
     #[error("what was written does not read as what was meant")]
     NotTheSame,
+    #[error("it has {found}, unlike `{other}`: only checkpoints of one network have a mean")]
+    AnotherNetwork { found: String, other: PathBuf },
     #[error("there is no policy `{name}`: looked for {looked}")]
     NotFound { name: String, looked: String },
     #[error("`{name}` may be one of several: {runs}")]

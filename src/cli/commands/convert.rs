@@ -25,6 +25,9 @@ pub struct ConvertArguments {
     /// Normaliser of a policy [default: the one beside the checkpoint]
     #[arg(long, value_name = "FILE", conflicts_with = "to")]
     normaliser: Option<PathBuf>,
+    /// Make one policy of several checkpoints of one network: the mean of their weights, and all else as the last has it
+    #[arg(long, conflicts_with = "to")]
+    mean: bool,
     /// File to write, or the folder for several or for a policy; nothing that exists is overwritten
     #[arg(long, value_name = "PATH")]
     out: PathBuf,
@@ -111,8 +114,8 @@ struct Converted {
 /// Runs the command.
 pub fn run(context: &Context, arguments: &ConvertArguments) -> anyhow::Result<Outcome> {
     let Some(to) = arguments.to else {
-        let ConvertArguments { files, normaliser, out, .. } = arguments;
-        return convert_policy::run(context, files, normaliser.as_deref(), out);
+        let ConvertArguments { files, normaliser, mean, out, .. } = arguments;
+        return convert_policy::run(context, files, normaliser.as_deref(), *mean, out);
     };
     let outs = outs(arguments, to)?;
     let mut entries = Vec::new();

@@ -41,8 +41,8 @@ pub struct CurvesArguments {
     /// Values as logged, not in percent of the expert
     #[arg(long)]
     raw: bool,
-    /// Subtract these steps from every step of a stage, or of a method, whose runs count on from another (`portable`,
-    /// `transfer`, `single-task`)
+    /// Subtract these steps from every step of a stage, or of a method, whose runs count on from another (not
+    /// `multi-task`)
     #[arg(long, value_name = "NAME=STEPS", num_args = 1.., value_parser = offset)]
     offset: Vec<(String, f64)>,
     /// Only these panels

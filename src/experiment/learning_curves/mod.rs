@@ -251,10 +251,10 @@ fn seed_curve(
     };
     let offset_of = |name| options.offsets.get(name).copied();
     let offset = offset_of(&logged.stage).or_else(|| offset_of(&logged.method)).unwrap_or(0.0);
-    let shifted = || {
-        let steps = joined.steps().iter().map(|step| step - offset).collect();
-        Curve::new(steps, joined.values().to_vec())
+    let at_steps = |values: Vec<f64>| {
+        Curve::new(joined.steps().iter().map(|step| step - offset).collect(), values)
     };
+    let shifted = || at_steps(joined.values().to_vec());
     let scaled = |curve: &Curve, factor: f64| {
         let values = curve.values().iter().map(|value| factor * value).collect();
         Curve::new(curve.steps().to_vec(), values)
@@ -267,11 +267,12 @@ fn seed_curve(
             shifted().map(|curve| transfer_curve(&curve, scale.transfer))
         }
         Recipe::RlFinetuning => rl_finetuning_values(joined.values())
-            .and_then(|values| Curve::new(joined.steps().to_vec(), values))
+            .and_then(at_steps)
             .and_then(|curve| scaled(&curve, scale.factor)),
         Recipe::MultiTask => Ok(multi_task_curve(&logged.pieces, scale.expert, MULTI_TASK_WINDOW)),
-        Recipe::CsiFinetuning => csi_finetuning_values(joined.values(), scale.expert)
-            .and_then(|values| Curve::new(joined.steps().to_vec(), values)),
+        Recipe::CsiFinetuning => {
+            csi_finetuning_values(joined.values(), scale.expert).and_then(at_steps)
+        }
     };
     Ok(SeedCurve { seed: logged.seed.clone(), drawn: drawn.map_err(fail)?, logged: joined })
 }
