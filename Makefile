@@ -28,16 +28,16 @@ bench:
 FINGERS = hand_index_reach hand_middle_reach hand_ring_reach hand_little_reach hand_thumb_reach
 HERE = --data target/gallery --out target/gallery
 BOTH = --recording "mini=$$(echo target/gallery/mini/*)" "Its teachers=$$(echo target/gallery/teachers/*)" --episodes 20
-PAPER = fig3b_radar fig3c_bars fig4a_smoothness fig6cd_tasks fig6ef_policies
+PAPER = fig3b_radar fig3c_bars fig4a_smoothness fig4fgh_dimensionality fig6cd_tasks fig6ef_policies
 gallery: setup
 	rm -rf target/gallery
 	$(PROGRAM) csi --task all --budget quick --policy mini $(HERE)
 	$(PROGRAM) evaluate --task all --policy mini --episodes 20 $(HERE)
-	$(PROGRAM) rollout --task $(FINGERS) --policy mini --episodes 20 --data target/gallery --out target/gallery/mini
+	$(PROGRAM) rollout --task $(FINGERS) baoding_p1_ccw --policy mini --episodes 20 --data target/gallery --out target/gallery/mini
 	$(PROGRAM) rollout --task $(FINGERS) --policy expert:mini --episodes 20 --data target/gallery --out target/gallery/teachers
-	$(PROGRAM) smoothness $(BOTH) $(HERE)
+	$(PROGRAM) smoothness $(BOTH) --task $(FINGERS) $(HERE)
 	$(PROGRAM) kinematics $(BOTH) $(HERE)
-	$(PROGRAM) subspaces $(BOTH) $(HERE)
+	$(PROGRAM) subspaces $(BOTH) --task $(FINGERS) $(HERE)
 	$(PROGRAM) figures $(PAPER) --gallery --data target/gallery --runs target/gallery --out docs/gallery
 
 setup:

@@ -138,8 +138,12 @@ fn a_run_of_several_tasks_that_counts_on_is_read_by_task_and_drawn_from_its_begi
     assert!(values[0].is_nan() && values[1..].iter().all(|value| *value <= 0.5), "{values:?}");
     for recipe in ["rl-finetuning", "csi-finetuning"] {
         let (steps, _) = curves(recipe);
-        assert_eq!(steps[steps.len() - 1], 1_900_000.0, "{recipe}: {steps:?}");
+        assert_eq!(steps.last(), Some(&1_900_000.0), "{recipe}: {steps:?}");
     }
+    let all = ["curves", "--recipe", "multi-task", "--raw", "--json", "--run", "more:all=a"];
+    let lines = bench.json(&all)["lines"].as_array().unwrap().clone();
+    let panels: Vec<&str> = lines.iter().map(|line| line["panel"].as_str().unwrap()).collect();
+    assert_eq!(panels, ["Elbow pose", "Little reach"]);
 }
 
 #[test]

@@ -183,7 +183,7 @@ pub fn tasks_of(measured: &[TaskKinematics]) -> Vec<String> {
 
 /// The figure of one task.
 #[must_use]
-pub fn figure(measured: &[TaskKinematics], task: &str, provenance: Provenance) -> DimensionFigure {
+pub fn figure(measured: &[TaskKinematics], task: &str, provenance: &Provenance) -> DimensionFigure {
     let of_task: Vec<&TaskKinematics> = measured.iter().filter(|one| one.task == task).collect();
     let names: Vec<&str> = of_task.iter().map(|one| one.policy.as_str()).collect();
     let mut policies: Vec<(String, &'static str)> =
@@ -217,6 +217,6 @@ pub fn figure(measured: &[TaskKinematics], task: &str, provenance: Provenance) -
         shares: SHARES,
         joints: of_task.first().map_or(0, |one| one.found[0].cumulative.len()),
         episodes: of_task.first().map_or(0, |one| one.found[0].episodes),
-        provenance,
+        provenance: provenance.of_policy(&names.join(", ")),
     }
 }

@@ -56,7 +56,7 @@ fn file(context: &Context, policy: &Path) -> anyhow::Result<PathBuf> {
     })?;
     match choice {
         Choice::File(path) => Ok(path),
-        _ => Err(Hinted::new(
+        Choice::Experts(_) => Err(Hinted::new(
             "a set of experts is several policies",
             "convert them one by one: `arnold-analyze convert pen_lattice --out DIR`",
         )),

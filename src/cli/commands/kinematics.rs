@@ -41,7 +41,7 @@ pub fn run(context: &Context, arguments: &KinematicsArguments) -> anyhow::Result
     output.tidy("cumulative_variance", &kinematics::cumulative_table(&measured)?)?;
     output.tidy("human_comparison", &kinematics::human_table(&measured)?)?;
     for task in kinematics::tasks_of(&measured) {
-        let figure = kinematics::figure(&measured, &task, movement.provenance());
+        let figure = kinematics::figure(&measured, &task, &movement.provenance());
         output.figure(&task, &figure.to_svg()?)?;
     }
     let manifest = movement.finish(output, kinematics::document(&measured), seconds)?;

@@ -1,7 +1,8 @@
 //! What training runs logged, from wherever it lies.
 //!
 //! A run is a method and a task with one or more files or folders: the pieces of one seed in the order in which they were
-//! resumed. The task `all` takes every tag or column that ends in `/solved` and knows its task by the environment's name.
+//! resumed. The task `all` takes every tag or column that ends in `/solved` and knows its task by its own name or
+//! the environment's.
 //! Several runs of one method and task are its seeds 0, 1, 2 ….
 
 use std::collections::BTreeMap;
@@ -235,8 +236,11 @@ fn solved_in<'a>(scalars: &'a EventScalars, task: &str) -> Option<&'a ScalarSeri
     })
 }
 
-/// The code name of the task that an environment is of. Both directions of rotating balls log under one name, which
+/// The code name of the task that an environment is of, or that is meant by its own name. Both directions of rotating balls log under one name, which
 /// stands for the first.
 fn task_of(environment: &str) -> Option<&'static str> {
-    tasks::ALL.iter().find(|task| task.environment == Some(environment)).map(|task| task.name)
+    let mut tasks = tasks::ALL.iter();
+    tasks
+        .find(|task| task.environment == Some(environment) || task.name == environment)
+        .map(|task| task.name)
 }
