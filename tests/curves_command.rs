@@ -297,7 +297,7 @@ fn unfit_logs_are_named_with_what_to_do() {
         (&["--run", "m:pen=nothing"], "no file `events.out.tfevents.*`", "folder of event files"),
         (&["--run", "m:pen=a"], "no curve was logged under a tag with `solved`", "--tag"),
         (&["--run", "m:pen=s", "--tag", "x"], "the tag `x`", "--tag"),
-        (&["--run", "m:all=s"], "`<environment>/solved`", "--tag"),
+        (&["--run", "m:all=a"], "`<environment>/solved`", "--tag"),
         (&["--run", "m:relocate=s"], "no expert of `Object relocation`", "--experts DIR"),
         (&["--run", "m:pen=bytes"], "no curve was logged", "--tag"),
         (&["metric.csv"], "`joy` is neither", "metric"),
